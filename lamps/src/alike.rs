@@ -3,12 +3,12 @@
 
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
-use crate::measure::Views;
-use crate::patches::{Patch, patches};
-use crate::search::best_place;
+use crate::fit::shape_search::{Criterion, Fit};
+use crate::pixels::measure::Views;
+use crate::pixels::patches::{Patch, patches};
+use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape_search::{Criterion, Fit};
-use crate::silhouette::Gaps;
+use crate::shape::search::best_place;
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;

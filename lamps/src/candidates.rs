@@ -1,14 +1,16 @@
 //! Lamps by the shapes that explain their pixels, before what they do to the scene is known.
 
+use crate::evidence::level::are_unlike;
 use crate::evidence::{Evidence, Pixel, Sight};
 use crate::fit;
+use crate::fit::shape_search::Fit;
+use crate::fit::{single, windows};
 use crate::group::Group;
-use crate::level::are_unlike;
-use crate::measure::{self, Measured};
+use crate::group::{bearings, grouping};
+use crate::parts;
+use crate::pixels::measure::{self, Measured};
+use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape_search::Fit;
-use crate::silhouette::Gaps;
-use crate::{bearings, grouping, parts, single, windows};
 use glam::Vec3;
 use std::cmp::Reverse;
 

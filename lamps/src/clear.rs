@@ -3,9 +3,9 @@
 
 use crate::candidates::Candidate;
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
+use crate::fit::shape_search::Fit;
+use crate::pixels::silhouette::Gaps;
 use crate::shape::{Flat, Shape};
-use crate::shape_search::Fit;
-use crate::silhouette::Gaps;
 use eagpt_scene::lamps::BOX_MARGIN;
 use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;

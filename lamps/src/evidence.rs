@@ -1,14 +1,17 @@
 //! Photographs of lamps: the lit pixels of their masks and those around, with the place
 //! where the trained scene has them.
 
-use crate::level::{Level, neighbourhood};
-use crate::segments::divided;
-use crate::thin;
+pub(crate) mod level;
+mod segments;
+mod thin;
+
 use eagpt_masks::{Mask, Region};
 use eagpt_scene::camera::RayFrame;
 use eagpt_scene::{Camera, Image, View};
 use eagpt_trace::features::GBuffer;
 use glam::Vec3;
+use level::{Level, neighbourhood};
+use segments::divided;
 use std::collections::HashMap;
 
 /// Pixels around a region of lit ones that are kept, at least, …

@@ -1,21 +1,28 @@
 //! The shape of a lamp: of a rectangle, an ellipse, a ball, a tube and a box the one whose
 //! silhouettes are most like what the views show.
 
-use crate::bars;
-use crate::bearings;
-use crate::boxes;
-use crate::domes;
+mod bars;
+mod boxes;
+mod domes;
+mod halo;
+mod shades;
+pub(crate) mod shape_search;
+pub(crate) mod single;
+mod starts;
+pub(crate) mod windows;
+
 use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
-use crate::halo::Beside;
-use crate::measure;
-use crate::patches::{Patch, patches};
-use crate::shades;
+use crate::group::bearings;
+use crate::group::points::{self, pixel_width, points};
+use crate::pixels::measure;
+use crate::pixels::patches::{Patch, patches};
+use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape_search::{BETTER, Fit, Scored, ShapeSearch};
-use crate::silhouette::Gaps;
-use crate::starts::{self, axes, first_tube, flats, mount, pixel_width, points};
 use glam::Vec3;
+use halo::Beside;
+use shape_search::{BETTER, Fit, Scored, ShapeSearch};
+use starts::{axes, first_tube, flats, mount};
 
 /// Shapes, and boxes, that a search goes on with from the best of where descents end.
 const NUM_PROMISING: usize = 8;
@@ -55,10 +62,10 @@ fn shows_edges(evidence: &Evidence, group: &Group) -> bool {
 /// extent.
 pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let mut points = points(evidence, group);
-    let (mut centre, mut extent) = starts::extent(&points)?;
+    let (mut centre, mut extent) = points::extent(&points)?;
     if let Some(met) = bearings::elsewhere(evidence, group, centre) {
-        points = starts::points_at(evidence, group, met);
-        (centre, extent) = starts::extent(&points)?;
+        points = points::points_at(evidence, group, met);
+        (centre, extent) = points::extent(&points)?;
     }
     let pixel = pixel_width(&points);
     let patches = patches(evidence, group, centre, extent);

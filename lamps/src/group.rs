@@ -1,7 +1,12 @@
 //! The lit pixels of views that are one lamp's.
 
+mod bearing;
+pub(crate) mod bearings;
+pub(crate) mod grouping;
+pub(crate) mod points;
+
+use crate::evidence::level::{Level, are_unlike, is_other_hue};
 use crate::evidence::{Evidence, Pixel, Sight};
-use crate::level::{Level, are_unlike, is_other_hue};
 use glam::Vec3;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashSet};

@@ -10,41 +10,17 @@
 //! - [`find`]: from there to [`Found`], clean lamps and what has to make room for them.
 
 mod alike;
-mod bars;
-mod bearing;
-mod bearings;
-mod boxes;
 mod candidates;
-mod change;
 mod clear;
-mod domes;
 mod evidence;
-mod faces;
 mod fit;
 mod group;
-mod grouping;
-mod halo;
-mod level;
-mod lines;
-mod measure;
-mod meet;
 mod mount;
-mod names;
 mod parts;
-mod patches;
+mod pixels;
 mod place;
-mod search;
 mod seen;
-mod segments;
-mod shades;
 pub mod shape;
-mod shape_search;
-mod silhouette;
-mod single;
-mod starts;
-mod thin;
-mod walls;
-mod windows;
 
 pub use evidence::Evidence;
 pub use mount::freed;
@@ -55,13 +31,13 @@ use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
-use faces::Solid;
+use fit::shape_search::Fit;
 use glam::Vec3;
 use group::Group;
-use measure::Measured;
+use pixels::measure::Measured;
+use pixels::silhouette::Gaps;
 use shape::Shape;
-use shape_search::Fit;
-use silhouette::Gaps;
+use shape::faces::Solid;
 
 /// Lamps and the scene that they take the place of.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -166,7 +142,7 @@ pub fn find(
         )?;
     }
     let heights = || gaussians.positions.iter().map(|p| p.dot(up));
-    let names = names::names(
+    let names = shape::names::names(
         &shapes,
         up,
         heights().fold(f32::INFINITY, f32::min),

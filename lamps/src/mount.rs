@@ -7,9 +7,10 @@
 //! A panel is in the plane of its mount; a box or a tube may touch one with each of its flat faces,
 //! and a tube may hang before a wall.
 
-use crate::faces::{self, Face, Solid};
+mod walls;
+
 use crate::shape::Flat;
-use crate::walls;
+use crate::shape::faces::{self, Face, Solid};
 use eagpt_scene::lamps::{Lamp, Lamps};
 use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};

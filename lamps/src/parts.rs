@@ -2,18 +2,20 @@
 //! of a bent tube: where one shape does not explain the silhouettes, several may. They are fitted
 //! together: what one hides of another, and pixels that show two, say nothing of either by itself.
 
+mod lines;
+
 use crate::evidence::Evidence;
 use crate::fit::fit;
+use crate::fit::shape_search::{BETTER, Fit, MIN_RESIDUAL};
 use crate::group::Group;
-use crate::lines::along_line;
-use crate::patches::{Patch, patches};
-use crate::search::best_shape;
+use crate::group::points::{extent, points, points_at};
+use crate::pixels::patches::{Patch, patches};
+use crate::pixels::silhouette::{Gaps, Silhouette, residual};
 use crate::shape::Shape;
-use crate::shape_search::{BETTER, Fit, MIN_RESIDUAL};
-use crate::silhouette::{Gaps, Silhouette, residual};
-use crate::starts::{extent, points, points_at};
+use crate::shape::search::best_shape;
 use eagpt_scene::median::{median, median_distance};
 use glam::Vec3;
+use lines::along_line;
 use rayon::prelude::*;
 
 /// Residual up to which one shape is enough.

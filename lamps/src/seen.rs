@@ -3,10 +3,10 @@
 //! sight meet behind the mirror.
 
 use crate::evidence::Evidence;
+use crate::fit::shape_search::Fit;
 use crate::group::Group;
-use crate::patches::depth_tolerance;
-use crate::shape_search::Fit;
-use crate::silhouette::Gaps;
+use crate::pixels::patches::depth_tolerance;
+use crate::pixels::silhouette::Gaps;
 use eagpt_scene::Camera;
 use eagpt_trace::{Ray, TraceError, Tracer};
 use glam::Vec3;

@@ -1,5 +1,11 @@
 //! Surfaces that lamps can have, as few numbers.
 
+mod change;
+pub(crate) mod faces;
+pub(crate) mod meet;
+pub(crate) mod names;
+pub(crate) mod search;
+
 use eagpt_scene::lamps::LampShape;
 use glam::{Quat, Vec3};
 use std::f32::consts::PI;

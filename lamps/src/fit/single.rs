@@ -2,15 +2,16 @@
 //! that does not light it lies in it, or their size, if they are of the make of others.
 
 use crate::evidence::Evidence;
+use crate::fit::halo::Beside;
+use crate::fit::shape_search::{Fit, ShapeSearch};
+use crate::fit::starts::{Mount, first_flat, mount};
 use crate::group::Group;
-use crate::halo::Beside;
-use crate::measure;
-use crate::patches::patches;
-use crate::search::best_place;
+use crate::group::points::{extent, pixel_width, points};
+use crate::pixels::measure;
+use crate::pixels::patches::patches;
+use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape_search::{Fit, ShapeSearch};
-use crate::silhouette::Gaps;
-use crate::starts::{Mount, extent, first_flat, mount, pixel_width, points};
+use crate::shape::search::best_place;
 use glam::Vec3;
 
 /// Residual beyond which it may be something else.

@@ -2,8 +2,8 @@
 
 use crate::evidence::{Evidence, Lit, Pixel, Sight, rim};
 use crate::group::Group;
-use crate::meet::{PixelRays, RAYS, ShapeFrom};
 use crate::shape::Shape;
+use crate::shape::meet::{PixelRays, RAYS, ShapeFrom};
 use glam::Vec3;
 use std::f32::consts::PI;
 

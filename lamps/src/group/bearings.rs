@@ -1,10 +1,10 @@
 //! Lamps by triangulation: where the lines of sight of several views meet is a small lamp, wherever
 //! the trained scene has their pixels, as on what is behind it.
 
-use crate::bearing::Bearing;
 use crate::evidence::Evidence;
+use crate::group::bearing::Bearing;
+use crate::group::points::{extent, points};
 use crate::group::{Group, MIN_PIXELS_OF_FEW};
-use crate::starts::{extent, points};
 use eagpt_scene::median::median_of;
 use glam::{Mat3, Vec3};
 use std::collections::BTreeSet;

@@ -1,11 +1,11 @@
 //! The light of a lamp: the flux that views receive of it over the solid angle of its shape.
 
+use crate::evidence::level::{Level, neighbourhood};
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::group::Group;
-use crate::level::{Level, neighbourhood};
-use crate::meet::ShapeFrom;
-use crate::patches::{MAX_VIEWS, hidden_from};
+use crate::pixels::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
+use crate::shape::meet::ShapeFrom;
 use eagpt_scene::color::luminance;
 use eagpt_scene::median::{median_of, weighted_median};
 use glam::Vec3;

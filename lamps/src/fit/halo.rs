@@ -3,8 +3,8 @@
 //! Silhouettes of few pixels cannot tell one from the other.
 
 use crate::evidence::{Evidence, Sight};
+use crate::fit::starts::Mount;
 use crate::group::Group;
-use crate::starts::Mount;
 use eagpt_scene::color::luminance;
 use eagpt_scene::median::median_of;
 use std::collections::HashMap;

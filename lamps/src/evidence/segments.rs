@@ -8,7 +8,7 @@
 //! How much is a step, the differences of neighbours in the region say: where light varies from
 //! pixel to pixel, as in a window with a view, the region is one.
 
-use crate::level::{are_unlike, step};
+use crate::evidence::level::{are_unlike, step};
 use eagpt_masks::Region;
 use eagpt_scene::Image;
 use eagpt_scene::median::{median, median_of};

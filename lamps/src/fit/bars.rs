@@ -3,12 +3,12 @@
 //! tell. Another view shows it.
 
 use crate::evidence::{Evidence, Pixel, Sight};
+use crate::fit::shape_search::{Fit, refined_again};
 use crate::group::Group;
-use crate::patches::{MAX_VIEWS, Patch, hidden_from};
-use crate::search;
+use crate::pixels::patches::{MAX_VIEWS, Patch, hidden_from};
+use crate::pixels::silhouette::{Gaps, Silhouette, residual};
+use crate::shape::search;
 use crate::shape::{Flat, Shape};
-use crate::shape_search::{Fit, refined_again};
-use crate::silhouette::{Gaps, Silhouette, residual};
 use glam::Vec3;
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! The wall that a tube hangs before, on the far side from cameras. Its discs bulge towards the
 //! tube, which gave its light to their pixels, and hide a part of it from the room.
 
-use crate::faces::{Face, Solid};
 use crate::shape::Flat;
+use crate::shape::faces::{Face, Solid};
 use eagpt_scene::lamps::LampShape;
 use eagpt_scene::median::median;
 use eagpt_scene::{Gaussians, rotation};

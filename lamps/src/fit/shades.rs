@@ -3,10 +3,10 @@
 //! where the scene has a shade before the rest, silhouettes say nothing of it, and the edge of the
 //! part that is not hidden tells how large the ball is.
 
-use crate::patches::Patch;
+use crate::fit::shape_search::{BETTER, Fit, refined_again};
+use crate::pixels::patches::Patch;
+use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape_search::{BETTER, Fit, refined_again};
-use crate::silhouette::Gaps;
 use glam::Vec3;
 
 /// Residual up to which a shape explains what views show, and needs no shade.

@@ -1,10 +1,10 @@
 //! Domes: balls of which views see what stands out of a mount, as globes half in a wall.
 
-use crate::patches::Patch;
+use crate::fit::shape_search::{Fit, refined_again};
+use crate::fit::starts::Mount;
+use crate::pixels::patches::Patch;
+use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape_search::{Fit, refined_again};
-use crate::silhouette::Gaps;
-use crate::starts::Mount;
 use glam::Vec3;
 
 /// Residual of a dome, at most: a rough mount bulges over its edge. Balls have .026 and less where

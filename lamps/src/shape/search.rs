@@ -2,8 +2,8 @@
 //! the minimum of a function that has no derivative (Nelder and Mead 1965, with the coefficients of
 //! that paper).
 
-use crate::change::MAX_CHANGES;
 use crate::shape::Shape;
+use crate::shape::change::MAX_CHANGES;
 use nalgebra::{DMatrix, DVector};
 
 /// Spread of values at which a search has arrived.

@@ -5,9 +5,9 @@
 //! belongs to it if it may have its radiance; one that covers several lamps, which run into each
 //! other from afar, is divided among them; any other is a new lamp.
 
+use crate::evidence::level::Level;
 use crate::evidence::{Evidence, Lit, Sight};
 use crate::group::{Group, MAX_POINTS, Point};
-use crate::level::Level;
 use eagpt_scene::median::median_of;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};

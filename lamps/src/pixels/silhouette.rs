@@ -1,8 +1,8 @@
 //! Silhouettes of shapes, compared with what views show of a lamp.
 
-use crate::meet::ShapeFrom;
-use crate::patches::{Patch, Target};
+use crate::pixels::patches::{Patch, Target};
 use crate::shape::Shape;
+use crate::shape::meet::ShapeFrom;
 use rayon::prelude::*;
 
 /// Weight of a pixel inside a shape that does not show it, where the scene hides the place …

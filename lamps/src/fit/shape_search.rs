@@ -1,12 +1,12 @@
 //! Searches for the shape of a lamp, and what speaks for one against another.
 
+use crate::fit::halo::Beside;
 use crate::group::Group;
-use crate::halo::Beside;
-use crate::measure;
-use crate::patches::Patch;
-use crate::search::{best_shape, descent};
+use crate::pixels::measure;
+use crate::pixels::patches::Patch;
+use crate::pixels::silhouette::{Gaps, Silhouette, differences, residual};
+use crate::shape::search::{best_shape, descent};
 use crate::shape::{Flat, Shape};
-use crate::silhouette::{Gaps, Silhouette, differences, residual};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;

@@ -1,8 +1,9 @@
 //! Boxes, and drums, that a search for a lamp's shape begins with, where no simpler one explains its
 //! silhouettes.
 
+use crate::fit::starts::{axes, first_flat, range};
+use crate::group::points::Point;
 use crate::shape::Shape;
-use crate::starts::{Point, axes, first_flat, range};
 use eagpt_scene::median::median;
 use eagpt_scene::rotation;
 use glam::{Mat3, Quat, Vec3};

@@ -1,14 +1,15 @@
 //! Windows whose panes photographs show apart: what shines is one lamp behind the frame. Fitted one
 //! by one, panes take the depth of the frame for their own.
 
-use crate::bars;
 use crate::evidence::Evidence;
+use crate::fit::bars;
+use crate::fit::shape_search::Fit;
+use crate::fit::starts::{first_flat, flats, mount};
 use crate::group::Group;
-use crate::patches::patches;
+use crate::group::points::{extent, pixel_width, points};
+use crate::pixels::patches::patches;
+use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape_search::Fit;
-use crate::silhouette::Gaps;
-use crate::starts::{extent, first_flat, flats, mount, pixel_width, points};
 use eagpt_scene::plane::FittedPlane;
 use glam::Vec3;
 use rayon::prelude::*;
