@@ -103,7 +103,7 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             found.extend(candidate(evidence, (light, group), fit, others));
         }
     }
-    let of_make = of_make(evidence, unexplained, &found);
+    let of_make = of_make(evidence, unexplained, &found, up);
     found.extend(of_make);
     without_repeated(evidence, found)
 }
@@ -113,13 +113,14 @@ fn of_make(
     evidence: &Evidence,
     groups: Vec<(usize, Group)>,
     found: &[Candidate],
+    up: Vec3,
 ) -> Vec<Candidate> {
     let of_one_view = (groups.into_iter()).filter(|(_, group)| group.is_of_one_view());
     let lamps = of_one_view.filter_map(|(light, group)| {
         let is_model = |c: &&Candidate| c.is_model() && !c.group.is_unlike(&group);
         let models: Vec<&Candidate> = found.iter().filter(is_model).collect();
         let shapes: Vec<Shape> = models.iter().map(|c| c.fit.shape).collect();
-        let fit = single::of_make(evidence, &group, &shapes)?;
+        let fit = single::of_make(evidence, &group, &shapes, up)?;
         let lamp = candidate(evidence, (light, group), fit, std::iter::empty())?;
         let is_alike = |c: &&Candidate| !are_unlike(c.measured.radiance, lamp.measured.radiance);
         models.iter().any(is_alike).then_some(lamp)

@@ -8,14 +8,22 @@ use crate::fit::starts::{Mount, first_flat, mount};
 use crate::group::Group;
 use crate::group::points::{extent, pixel_width, points};
 use crate::pixels::measure;
-use crate::pixels::patches::patches;
+use crate::pixels::patches::{Patch, patches};
 use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape::search::best_place;
+use crate::shape::search::{best_place, minimum};
+use eagpt_scene::median::median_of;
 use glam::Vec3;
 
 /// Residual beyond which it may be something else.
 const MAX_RESIDUAL: f32 = 0.06;
+/// Where searches for the place of a lamp by its size begin, in the mean distance of what looks as
+/// large: a flat one looks smaller from the side, and edges of pictures cut a part off.
+const FARTHER: [f32; 5] = [0.6, 0.8, 1.0, 1.2, 1.4];
+
+/// First steps of a search for the place of a lamp on a mount, in its length, and evaluations.
+const STEP: f32 = 0.2;
+const NUM_PLACES: usize = 60;
 
 /// The lamp of `group`, flat in the surface around it, if it may be that.
 pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
@@ -47,25 +55,75 @@ fn in_plane(shape: &Shape, eye: Vec3, mount: &Mount) -> Option<Shape> {
     (factor > 0.0).then(|| shape.farther(eye, factor))
 }
 
-/// The lamp of `group` as one of the shape, the size and the pose of one of `models`: it is as far
-/// away as it looks small.
-pub(crate) fn of_make(evidence: &Evidence, group: &Group, models: &[Shape]) -> Option<Fit> {
+/// The lamp of `group` as one of the shape, the size and the pose of one of `models`: in the plane
+/// of those on the same mount, or as far away as it looks small; `up` is the unit vector upwards.
+pub(crate) fn of_make(
+    evidence: &Evidence,
+    group: &Group,
+    models: &[Shape],
+    up: Vec3,
+) -> Option<Fit> {
     let (view, members) = group.by_view().next()?;
     let sight = &evidence.sights[view];
     let pixels = || members.iter().map(|m| &sight.pixels[m.1 as usize]);
     let solid_angle: f32 = pixels().map(|p| p.solid_angle).sum();
     let towards: Vec3 = pixels().map(|p| p.direction * p.solid_angle).sum();
-    let direction = towards.try_normalize()?;
-    let fits = models.iter().map(|model| {
+    let (eye, direction) = (sight.origin(), towards.try_normalize()?);
+    let begun = |model: &Shape, distance: f32| {
+        let centre = eye + direction * distance;
+        let patches = patches(evidence, group, centre, model.size().max_element());
+        (model.placed(centre, model.rotation(), Vec3::ONE), patches)
+    };
+    let (centre, extent) = extent(&points(evidence, group))?;
+    let mount = mount(evidence, group, centre, extent);
+    let plane = mount.and_then(|mount| plane_of(models, centre, mount.level(up)));
+    let mounted = plane.and_then(|(normal, along)| {
+        let distance = (along - eye.dot(normal)) / direction.dot(normal);
+        let fits = models.iter().map(|model| {
+            let (start, patches) = begun(model, distance);
+            along_plane(&start, normal, &patches)
+        });
+        best_of(fits)
+    });
+    let free = models.iter().flat_map(|model| {
         // A convex body shows a quarter of its surface in the mean over directions.
         let distance = (0.25 * model.area() / solid_angle).sqrt();
-        let centre = sight.origin() + direction * distance;
-        let start = model.placed(centre, model.rotation(), Vec3::ONE);
-        let patches = patches(evidence, group, centre, model.size().max_element());
-        let fit = |shape: &Shape| Fit::new(*shape, &patches, Gaps::Seen);
-        let (shape, _) = best_place(&start, |shape| fit(shape).residual);
-        fit(&shape)
+        FARTHER.map(|farther| (model, farther * distance))
     });
-    let best = fits.min_by(|a, b| a.residual.total_cmp(&b.residual))?;
-    (best.residual <= MAX_RESIDUAL).then_some(best)
+    let free = free.map(|(model, distance)| {
+        let (start, patches) = begun(model, distance);
+        let fit = |shape: &Shape| Fit::new(*shape, &patches, Gaps::Seen);
+        fit(&best_place(&start, |shape| fit(shape).residual).0)
+    });
+    mounted.or_else(|| best_of(free))
+}
+
+/// The best fit, if it is good enough.
+fn best_of(fits: impl Iterator<Item = Fit>) -> Option<Fit> {
+    let fits = fits.filter(|fit| fit.residual <= MAX_RESIDUAL);
+    fits.min_by(|a, b| a.residual.total_cmp(&b.residual))
+}
+
+/// Unit normal, and part along it, of the plane that most shapes are in of those that may be mounted
+/// on what is about `place`; `None` without any.
+fn plane_of(shapes: &[Shape], place: Vec3, normal: Vec3) -> Option<(Vec3, f32)> {
+    let near = shapes.iter().filter(|shape| {
+        let height = (shape.centre() - place).dot(normal);
+        height.abs() <= shape.size().max_element()
+    });
+    let along: Vec<f32> = near.map(|shape| shape.centre().dot(normal)).collect();
+    (!along.is_empty()).then(|| (normal, median_of(along.into_iter())))
+}
+
+/// The best fit of a shape that moves from `start` along a plane.
+fn along_plane(start: &Shape, normal: Vec3, patches: &[Patch]) -> Fit {
+    let (along, across) = normal.any_orthonormal_pair();
+    let fit = |by: &[f32]| {
+        let centre = start.centre() + along * by[0] + across * by[1];
+        let shape = start.placed(centre, start.rotation(), Vec3::ONE);
+        Fit::new(shape, patches, Gaps::Seen)
+    };
+    let steps = [STEP * start.size().max_element(); 2];
+    let (by, _) = minimum(|by| fit(by).residual, &steps, NUM_PLACES);
+    fit(&by)
 }

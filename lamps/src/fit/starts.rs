@@ -19,7 +19,7 @@ const MOUNT_SHARE: f32 = 0.6;
 /// … normals within this (cosine), and heights within so many extents.
 const MOUNT_COSINE: f32 = 0.8;
 const MOUNT_HEIGHT: f32 = 0.5;
-/// Cosine between a mount and an upright wall, at least, that it is taken for.
+/// Cosine between a mount and an upright wall or a level ceiling, at least, that it is taken for.
 const UPRIGHT: f32 = 0.97;
 
 /// The plane that a lamp may be mounted on.
@@ -32,6 +32,16 @@ pub(crate) struct Mount {
 }
 
 impl Mount {
+    /// The normal, or that of a level plane if it is nearly so: a few pixels tell it to a degree.
+    pub(crate) fn level(&self, up: Vec3) -> Vec3 {
+        let cosine = self.normal.dot(up);
+        if cosine.abs() > UPRIGHT {
+            up * cosine.signum()
+        } else {
+            self.normal
+        }
+    }
+
     /// Height of a place over the plane, scene units.
     pub(crate) fn height(&self, place: Vec3) -> f32 {
         place.dot(self.normal) - self.along
