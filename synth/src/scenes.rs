@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 21] = [
+pub const SCENES: [EmbeddedScene; 23] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -117,6 +117,16 @@ pub const SCENES: [EmbeddedScene; 21] = [
         name: "bistro",
         about: "twelve downlights, a window with sky and street, domes, candles; most alone, too",
         toml: include_str!("../scenes/bistro.toml"),
+    },
+    EmbeddedScene {
+        name: "nursery",
+        about: "a string of bulbs, half a globe on a wall, three bulbs together, a strip; each alone, too",
+        toml: include_str!("../scenes/nursery.toml"),
+    },
+    EmbeddedScene {
+        name: "workshop",
+        about: "a wall of glass, a ring, troffers, screens, and light of hidden bulbs; each alone, too",
+        toml: include_str!("../scenes/workshop.toml"),
     },
 ];
 
