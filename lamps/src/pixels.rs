@@ -1,4 +1,4 @@
-//! What views show of a lamp and of what is around it, pixel by pixel, compared with shapes.
+//! Pixels of views, as fits compare them with shapes: silhouettes, and the light in them.
 
 pub(crate) mod measure;
 pub(crate) mod patches;
