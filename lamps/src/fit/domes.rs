@@ -1,9 +1,9 @@
 //! Domes: balls of which views see what stands out of a mount, as globes half in a wall.
 
-use crate::fit::shape_search::{Fit, refined_again};
+use crate::fit::shades::{EXPLAINED, partly_hidden};
+use crate::fit::shape_search::Fit;
 use crate::fit::starts::Mount;
 use crate::pixels::patches::Patch;
-use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
 use glam::Vec3;
 
@@ -28,14 +28,15 @@ pub(crate) fn fit(
     patches: &[Patch],
     residual: f32,
 ) -> Option<Fit> {
-    let start = Shape::Ball { centre, radius };
-    let ball = refined_again(&start, true, patches, Gaps::Shade);
+    // What explains less is a ball in a shade, if it is one at all.
+    if residual > EXPLAINED {
+        return None;
+    }
+    let ball = partly_hidden(centre, radius, patches, MIN_SHOWN)?;
     let Shape::Ball { centre, radius } = ball.shape else {
         return None;
     };
-    let shown = patches.iter().map(|patch| patch.share_shown(&ball.shape));
-    let is_seen = shown.reduce(f32::max) >= Some(MIN_SHOWN);
     let is_mounted = mount.height(centre).abs() <= MAX_HEIGHT * radius;
     let is_explained = ball.residual <= MAX_RESIDUAL.min(MAX_RATIO * residual);
-    (is_seen && is_mounted && is_explained).then_some(ball)
+    (is_mounted && is_explained).then_some(ball)
 }

@@ -10,7 +10,7 @@ use crate::shape::Shape;
 use glam::Vec3;
 
 /// Residual up to which a shape explains what views show, and needs no shade.
-const EXPLAINED: f32 = 0.06;
+pub(super) const EXPLAINED: f32 = 0.06;
 /// Share of the ball that one view shows, at least. Of any lamp a ball of which less is seen
 /// explains the silhouettes, if it is large enough: of bulbs in shades a view shows .67 or more, of
 /// the ball that has a bent neon tube at its edge .03.
@@ -22,9 +22,20 @@ pub(crate) fn fit(centre: Vec3, radius: f32, patches: &[Patch], residual: f32) -
     if residual <= EXPLAINED {
         return None;
     }
+    let ball = partly_hidden(centre, radius, patches, MIN_SHOWN)?;
+    (ball.residual <= BETTER * residual).then_some(ball)
+}
+
+/// The ball about `centre` that explains what `patches` show where the scene does not hide it, if
+/// one of them shows this share of it.
+pub(super) fn partly_hidden(
+    centre: Vec3,
+    radius: f32,
+    patches: &[Patch],
+    min_shown: f32,
+) -> Option<Fit> {
     let start = Shape::Ball { centre, radius };
     let ball = refined_again(&start, true, patches, Gaps::Shade);
     let shown = patches.iter().map(|patch| patch.share_shown(&ball.shape));
-    let is_seen = shown.reduce(f32::max) >= Some(MIN_SHOWN);
-    (is_seen && ball.residual <= BETTER * residual).then_some(ball)
+    (shown.reduce(f32::max) >= Some(min_shown)).then_some(ball)
 }

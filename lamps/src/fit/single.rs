@@ -8,10 +8,10 @@ use crate::fit::starts::{Mount, first_flat, mount};
 use crate::group::Group;
 use crate::group::points::{extent, pixel_width, points};
 use crate::pixels::measure;
-use crate::pixels::patches::{Patch, patches};
+use crate::pixels::patches::patches;
 use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
-use crate::shape::search::{best_place, minimum};
+use crate::shape::search::{best_place, best_place_in_plane};
 use eagpt_scene::median::median_of;
 use glam::Vec3;
 
@@ -20,10 +20,6 @@ const MAX_RESIDUAL: f32 = 0.06;
 /// Where searches for the place of a lamp by its size begin, in the mean distance of what looks as
 /// large: a flat one looks smaller from the side, and edges of pictures cut a part off.
 const FARTHER: [f32; 5] = [0.6, 0.8, 1.0, 1.2, 1.4];
-
-/// First steps of a search for the place of a lamp on a mount, in its length, and evaluations.
-const STEP: f32 = 0.2;
-const NUM_PLACES: usize = 60;
 
 /// The lamp of `group`, flat in the surface around it, if it may be that.
 pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
@@ -81,7 +77,10 @@ pub(crate) fn of_make(
         let distance = (along - eye.dot(normal)) / direction.dot(normal);
         let fits = models.iter().map(|model| {
             let (start, patches) = begun(model, distance);
-            along_plane(&start, normal, &patches)
+            let fit = |shape: &Shape| Fit::new(*shape, &patches, Gaps::Seen);
+            fit(&best_place_in_plane(&start, normal, |shape| {
+                fit(shape).residual
+            }))
         });
         best_of(fits)
     });
@@ -113,17 +112,4 @@ fn plane_of(shapes: &[Shape], place: Vec3, normal: Vec3) -> Option<(Vec3, f32)> 
     });
     let along: Vec<f32> = near.map(|shape| shape.centre().dot(normal)).collect();
     (!along.is_empty()).then(|| (normal, median_of(along.into_iter())))
-}
-
-/// The best fit of a shape that moves from `start` along a plane.
-fn along_plane(start: &Shape, normal: Vec3, patches: &[Patch]) -> Fit {
-    let (along, across) = normal.any_orthonormal_pair();
-    let fit = |by: &[f32]| {
-        let centre = start.centre() + along * by[0] + across * by[1];
-        let shape = start.placed(centre, start.rotation(), Vec3::ONE);
-        Fit::new(shape, patches, Gaps::Seen)
-    };
-    let steps = [STEP * start.size().max_element(); 2];
-    let (by, _) = minimum(|by| fit(by).residual, &steps, NUM_PLACES);
-    fit(&by)
 }

@@ -4,13 +4,16 @@
 
 use crate::shape::Shape;
 use crate::shape::change::MAX_CHANGES;
+use glam::Vec3;
 use nalgebra::{DMatrix, DVector};
 
 /// Spread of values at which a search has arrived.
 const ARRIVED: f32 = 1e-5;
 
-/// Evaluations of a search for the place of a shape, and its first steps, in sizes of the shape.
+/// Evaluations of searches for the place of a shape, and for that in a plane, and their first steps,
+/// in sizes of the shape.
 const NUM_PLACES: usize = 200;
+const NUM_PLACES_IN_PLANE: usize = 60;
 const STEP: f32 = 0.2;
 
 /// Damping that a descent begins with, its range, and the factors by which it falls after a step
@@ -114,6 +117,21 @@ pub(crate) fn best_place(start: &Shape, value: impl Fn(&Shape) -> f32) -> (Shape
     steps.extend(turn.map(|turn| start.first_steps()[turn]));
     let (by, least) = minimum(|by| value(&with(by)), &steps, NUM_PLACES);
     (with(&by), least)
+}
+
+/// The place in the plane of this normal about that of `start` where `value` is least.
+pub(crate) fn best_place_in_plane(
+    start: &Shape,
+    normal: Vec3,
+    value: impl Fn(&Shape) -> f32,
+) -> Shape {
+    let (along, across) = normal.any_orthonormal_pair();
+    let with = |by: &[f32]| {
+        let centre = start.centre() + along * by[0] + across * by[1];
+        start.placed(centre, start.rotation(), Vec3::ONE)
+    };
+    let steps = [STEP * start.size().max_element(); 2];
+    with(&minimum(|by| value(&with(by)), &steps, NUM_PLACES_IN_PLANE).0)
 }
 
 /// Searches from zeros with first steps `steps`, of which there is at least one; returns where
