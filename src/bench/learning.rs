@@ -45,7 +45,7 @@ pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
         iteration: 1,
         weights: &options.radiance.weights,
         normals: NormalTerms::On,
-        rays_per_axis: 1,
+        antialias: false,
         // The end of the schedule: the scene stays what it is.
         sizes: StepSizes::radiance(&options.radiance.rates, bench.extent, 1.0),
     };

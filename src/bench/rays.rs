@@ -93,7 +93,7 @@ fn cpu_cameras(bench: &Bench<'_>, sheet: &mut Sheet<'_>, search: HitSearch<'_>) 
     ] {
         sheet.measure(what, Unit::Rays, num_rays, || {
             for camera in bench.cameras() {
-                let features = record.trace(&set, camera, search, Keep::Record);
+                let features = record.trace(&set, &(*camera).into(), search, Keep::Record);
                 black_box(record.adjoint(&set, &features.pixels, gradients));
             }
             Ok(())
@@ -114,9 +114,10 @@ fn gpu_cameras(bench: &Bench<'_>, sheet: &mut Sheet<'_>, device: &Arc<gpu::Devic
     let trace = |with_adjoint: bool| -> Result<()> {
         for camera in bench.cameras() {
             let mut commands = device.commands();
-            fit.forward(camera, &mut commands)?;
+            let rays = (*camera).into();
+            fit.forward(&rays, &mut commands)?;
             if with_adjoint {
-                fit.backward(camera, &mut commands)?;
+                fit.backward(&rays, &mut commands)?;
             }
             device.submit(commands)?;
         }

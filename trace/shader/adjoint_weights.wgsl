@@ -9,6 +9,7 @@
 #import blend
 #import view
 #import band
+#import ray_grid
 
 @group(0) @binding(2) var<storage, read> record: array<u32>;
 @group(0) @binding(3) var<storage, read> listed: array<vec2u>;
@@ -18,7 +19,8 @@
 @group(0) @binding(7) var<storage, read> masks: array<vec2u>;
 // First of the hits of each place in the lists.
 @group(0) @binding(8) var<storage, read> hit_starts: array<u32>;
-// Weight and dL/dα of each hit.
+// Weight and dL/dα of each hit. A negative weight says that the ray passes through the middle of a
+// pixel that is not split; see ray_grid.wgsl.
 @group(0) @binding(9) var<storage, read_write> hits: array<vec2f>;
 
 // Number of the tile's pixels before `thread` that blended a Gaussian.
@@ -42,9 +44,11 @@ fn weigh_hits(
     if tile >= band.end_tile || column >= view.width || row >= view.height {
         return;
     }
-    let direction = pixel_direction(f32(column) + 0.5, f32(row) + 0.5);
+    let offset = ray_offset(tile, thread);
+    let direction = pixel_direction(f32(column) + offset, f32(row) + offset);
     let pixel = row * view.width + column - band.first_pixel;
     let d = d_features[pixel];
+    let sign = select(1.0, -1.0, offset > 0.5);
     var chunk = record[PIXEL_WORDS * pixel];
     var behind = 0.0;
     for (var left = record[PIXEL_WORDS * pixel + 1u]; left > 0u; left--) {
@@ -60,7 +64,7 @@ fn weigh_hits(
         let value = dot(d.a, values.a) + dot(d.b, values.b) + dot(d.c, values.c);
         let d_alpha = before * (value - behind);
         behind = alpha * value + (1.0 - alpha) * behind;
-        hits[hit_starts[place] + rank_of(masks[place], thread)] = vec2f(before * alpha, d_alpha);
+        hits[hit_starts[place] + rank_of(masks[place], thread)] = vec2f(sign * before * alpha, d_alpha);
         if within == 0u {
             chunk = record[chunk];
         }

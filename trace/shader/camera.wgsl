@@ -1,4 +1,5 @@
-// Composited features of all pixels of a camera. A workgroup is a tile, an invocation a pixel.
+// Composited features of all rays of a camera. A workgroup is a tile of their grid, an invocation a
+// place, called a pixel here.
 //
 // A tile's list is sorted by a bound of the distance, pixels need the order of true distances, ties
 // by index. Hits wait until the bound has passed them; where more wait than there is memory for,
@@ -14,6 +15,7 @@
 #import blend
 #import view
 #import band
+#import ray_grid
 #import pending
 #import tile_lists
 
@@ -76,7 +78,8 @@ fn trace_tiles(
     let column = (tile % view.tiles_x) * TILE + thread % TILE;
     let row = (tile / view.tiles_x) * TILE + thread / TILE;
     let is_pixel = column < view.width && row < view.height;
-    let direction = pixel_direction(f32(column) + 0.5, f32(row) + 0.5);
+    let offset = ray_offset(tile, thread);
+    let direction = pixel_direction(f32(column) + offset, f32(row) + offset);
     let start = list_starts[tile];
     let end = min(list_starts[tile + 1u], arrayLength(&listed));
     var state = Blender(NO_LANES, 1.0);
@@ -85,7 +88,7 @@ fn trace_tiles(
     // Hits before this one are done with.
     var from_t = -1.0;
     var from_place = start;
-    var is_complete = !is_pixel;
+    var is_complete = !is_pixel || offset == 0.0;
     if thread == 0u {
         atomicStore(&num_complete, 0u);
     }

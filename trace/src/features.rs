@@ -168,14 +168,7 @@ impl GBuffer {
             return self.clone();
         }
         let (width, height) = (self.width / factor, self.height / factor);
-        let mean = |i: usize| {
-            let (x, y) = (i as u32 % width * factor, i as u32 / width * factor);
-            let square = (y..y + factor).flat_map(|y| {
-                let start = (y * self.width + x) as usize;
-                &self.pixels[start..start + factor as usize]
-            });
-            Features::mean(square)
-        };
+        let mean = |i: usize| self.mean_of_square(i as u32 % width, i as u32 / width, factor);
         Self {
             width,
             height,
@@ -185,6 +178,16 @@ impl GBuffer {
                 .map(mean)
                 .collect(),
         }
+    }
+
+    /// Mean over the square of `factor` × `factor` pixels that becomes pixel (`x`, `y`).
+    pub(crate) fn mean_of_square(&self, x: u32, y: u32, factor: u32) -> Features {
+        let (x, y) = (x * factor, y * factor);
+        let square = (y..y + factor).flat_map(|y| {
+            let start = (y * self.width + x) as usize;
+            &self.pixels[start..start + factor as usize]
+        });
+        Features::mean(square)
     }
 
     /// Radiance R of every pixel.

@@ -10,6 +10,7 @@
 //! - [`features`]: the quantities a ray collects, as one vector of 16 lanes.
 //! - [`attributes`]: those of them that a Gaussian has.
 //! - [`surfel`]: Gaussians prepared for intersection; the one formula for a hit.
+//! - [`CameraRays`]: the rays that make the pixels of a camera.
 //! - [`blend`]: blending of ordered hits, shared by every way of finding them.
 //! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
 //! - [`parity`]: how far an engine is from the oracle, on the machine it runs on.
@@ -26,6 +27,7 @@
 
 pub mod attributes;
 pub mod blend;
+mod camera_rays;
 pub mod cpu;
 mod device;
 mod error;
@@ -45,6 +47,7 @@ mod tree;
 mod view;
 pub mod weights;
 
+pub use camera_rays::CameraRays;
 pub use device::Device;
 pub use error::TraceError;
 pub use features::{Features, GBuffer};

@@ -124,6 +124,7 @@ fn camera(width: u32, height: u32) -> Camera {
 mod tests {
     use super::*;
     use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
+    use crate::camera_rays::CameraRays;
     use crate::cpu::CpuScene;
     use crate::device::Device;
     use crate::features::{Features, GBuffer};
@@ -163,17 +164,17 @@ mod tests {
             self.0.set_albedos(albedos)
         }
 
-        fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError> {
-            self.0.record(camera)
+        fn record(&mut self, rays: &CameraRays) -> Result<GBuffer, TraceError> {
+            self.0.record(rays)
         }
 
         fn adjoint(
             &mut self,
-            camera: &Camera,
+            rays: &CameraRays,
             d_features: &[Features],
             mask: GradientMask,
         ) -> Result<Vec<LocalGradient>, TraceError> {
-            self.0.adjoint(camera, d_features, mask)
+            self.0.adjoint(rays, d_features, mask)
         }
 
         fn weights(

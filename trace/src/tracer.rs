@@ -1,6 +1,7 @@
 //! The interface of a scene on a compute device, the same for the CPU and GPUs.
 
 use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
+use crate::camera_rays::CameraRays;
 use crate::device::Device;
 use crate::error::TraceError;
 use crate::features::{Features, GBuffer};
@@ -41,22 +42,23 @@ pub trait Tracer: Send + Sync {
     /// See [`Tracer`].
     fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError>;
 
-    /// As [`Self::gbuffer`], with a record of the blended hits for [`Self::adjoint`] and
-    /// [`Self::weights`] of the same camera, which trace again without one.
+    /// Composited features of the pixels that `rays` make, with a record of the blended hits for
+    /// [`Self::adjoint`] of the same rays and [`Self::weights`] of one ray for each pixel, which
+    /// trace again without one.
     ///
     /// # Errors
     /// See [`Tracer`].
-    fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError>;
+    fn record(&mut self, rays: &CameraRays) -> Result<GBuffer, TraceError>;
 
     /// Gradient of a loss with respect to every Gaussian, given `d_features` = dL/dV for every
-    /// pixel of `camera`, row by row. Gaussians that no ray hits get zeros. The spread, size and
+    /// pixel that `rays` make, row by row. Gaussians that no ray hits get zeros. The spread, size and
     /// first-hit lanes are not differentiated.
     ///
     /// # Errors
     /// See [`Tracer`].
     fn adjoint(
         &mut self,
-        camera: &Camera,
+        rays: &CameraRays,
         d_features: &[Features],
         mask: GradientMask,
     ) -> Result<Vec<LocalGradient>, TraceError>;

@@ -36,9 +36,9 @@ fn a_camera_sees_what_leaves_towards_it() {
             .collect();
         for search in [HitSearch::Tiles, HitSearch::SingleRays(&bvh)] {
             // A record that is used again has forgotten the camera before.
-            let seen = record.trace(&set, &camera, search, Keep::Record);
+            let seen = record.trace(&set, &camera.into(), search, Keep::Record);
             let mut other = CameraRecord::default();
-            assert!(seen == other.trace(&plain, &camera, search, Keep::Record));
+            assert!(seen == other.trace(&plain, &camera.into(), search, Keep::Record));
             let gradients = record.adjoint(&set, &d_features, GradientMask::Everything);
             assert!(gradients == other.adjoint(&plain, &d_features, GradientMask::Everything));
         }

@@ -34,12 +34,12 @@ fn encoded_as_pq(linear: vec3f) -> Encoded {
 }
 
 fn mean_of_rays(pixel: u32) -> Lanes {
-    let n = loss.rays_per_axis;
-    let first = vec2u(pixel % loss.width, pixel / loss.width) * n;
+    let n = rays_per_axis(pixel);
+    let first = vec2u(pixel % loss.width, pixel / loss.width) * loss.rays_per_axis;
     var sum = NO_LANES;
     for (var y = 0u; y < n; y++) {
         for (var x = 0u; x < n; x++) {
-            let ray = rays[(first.y + y) * loss.width * n + first.x + x];
+            let ray = rays[(first.y + y) * loss.width * loss.rays_per_axis + first.x + x];
             sum = Lanes(sum.a + ray.a, sum.b + ray.b, sum.c + ray.c, vec4f());
         }
     }

@@ -80,13 +80,13 @@ fn derivative(pixel: u32) -> Lanes {
 
 // Turns a derivative by the mean of a pixel's rays into one by each of them.
 fn share_out(pixel: u32, d: Lanes) {
-    let n = loss.rays_per_axis;
+    let n = rays_per_axis(pixel);
     let num = f32(n * n);
     let shared_out = Lanes(d.a / num, d.b / num, d.c / num, vec4f());
-    let first = vec2u(pixel % loss.width, pixel / loss.width) * n;
+    let first = vec2u(pixel % loss.width, pixel / loss.width) * loss.rays_per_axis;
     for (var y = 0u; y < n; y++) {
         for (var x = 0u; x < n; x++) {
-            d_rays[(first.y + y) * loss.width * n + first.x + x] = shared_out;
+            d_rays[(first.y + y) * loss.width * loss.rays_per_axis + first.x + x] = shared_out;
         }
     }
 }

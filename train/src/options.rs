@@ -198,9 +198,9 @@ pub struct RadianceOptions {
     pub iterations: u32,
     /// Share of the iterations after which the normal terms start, 0 to 1.
     pub normals_from: f32,
-    /// Share of the iterations after which a pixel is the mean of 2×2 rays instead of one, 0 to 1:
-    /// cameras average over their pixels. A step then takes some three times as long; 1 is never,
-    /// as in the paper.
+    /// Share of the iterations after which a pixel that differs from one beside it in the
+    /// photograph is the mean of 2×2 rays instead of one, 0 to 1: cameras average over their
+    /// pixels. A step then takes up to twice as long; 1 is never, as in the paper.
     pub antialias_from: f32,
     /// Step sizes.
     pub rates: LearningRates,

@@ -57,9 +57,10 @@ fn hit_gradient(seen: Seen, scale: vec2f, direction: vec3f, d: Lanes, weight: f3
 }
 
 fn add_hit(adder: ptr<function, Adder>, pixel: vec2u, hit: vec2f) {
-    let direction = pixel_direction(f32(pixel.x) + 0.5, f32(pixel.y) + 0.5);
+    let offset = select(0.5, 1.0, hit.x < 0.0);
+    let direction = pixel_direction(f32(pixel.x) + offset, f32(pixel.y) + offset);
     let d = d_features[pixel.y * view.width + pixel.x - band.first_pixel];
-    let gradient = hit_gradient((*adder).seen, (*adder).scale, direction, d, hit.x, hit.y);
+    let gradient = hit_gradient((*adder).seen, (*adder).scale, direction, d, abs(hit.x), hit.y);
     (*adder).sum = add_row((*adder).sum, gradient);
 }
 

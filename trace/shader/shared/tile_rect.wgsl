@@ -32,7 +32,7 @@ fn extent(axis: vec3f, radius: f32) -> vec3f {
     return axis * (radius / dot(axis, axis));
 }
 
-// Pixels, from and to (exclusive), whose centres lie on the projected disc along one axis; see
+// Pixels, from and to (exclusive), whose rays may meet the projected disc along one axis; see
 // cpu/bins.rs for the conic.
 fn pixel_range(row: vec3f, center: f32, size: u32, offset: vec3f, a: vec3f, b: vec3f) -> vec2u {
     let depth = dot(offset, view.forward);
@@ -44,8 +44,8 @@ fn pixel_range(row: vec3f, center: f32, size: u32, offset: vec3f, a: vec3f, b: v
     let rb = dot(b, row) - m * depth_b;
     let half_b = ra * depth_a + rb * depth_b;
     let root = sqrt(half_b * half_b + q * (ra * ra + rb * rb));
-    let low = m + center + (-half_b - root) / q - BIN_MARGIN_PIXELS;
-    let high = m + center + (-half_b + root) / q + BIN_MARGIN_PIXELS;
+    let low = m + center + (-half_b - root) / q - view.margin;
+    let high = m + center + (-half_b + root) / q + view.margin;
     let first = clamp(ceil(low - 0.5), 0.0, f32(size));
     let end = clamp(floor(high - 0.5) + 1.0, 0.0, f32(size));
     return vec2u(u32(first), u32(end));

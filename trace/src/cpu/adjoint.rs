@@ -71,7 +71,7 @@ thread_local! {
 
 impl CameraRecord {
     /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced),
-    /// given `d_features` = dL/dV for every pixel, row by row. Gaussians that no ray met get zeros.
+    /// given `d_features` = dL/dV for every pixel that the rays make, row by row. Gaussians that no ray met get zeros.
     /// The spread, size and first-hit lanes are not differentiated.
     pub fn adjoint(
         &mut self,
@@ -79,12 +79,13 @@ impl CameraRecord {
         d_features: &[Features],
         mask: GradientMask,
     ) -> Vec<LocalGradient> {
-        let Some(camera) = &self.camera else {
+        let Some(rays) = &self.rays else {
             return vec![LocalGradient::default(); set.len()];
         };
+        let grid = &rays.grid();
         let loss = Loss {
             set: as_seen(set, &self.seen),
-            d_features,
+            d_features: &rays.adjoint_of_means(d_features),
             mask,
         };
         self.tiles
@@ -92,7 +93,7 @@ impl CameraRecord {
             .enumerate()
             .for_each(|(tile, record)| {
                 SCRATCH.with_borrow_mut(|scratch| {
-                    adjoint_of_tile(&loss, camera, tile, record, scratch);
+                    adjoint_of_tile(&loss, grid, tile, record, scratch);
                 });
             });
         self.rows.find(set.len(), &self.tiles);

@@ -5,8 +5,8 @@
 //! band makes the lists of its tiles, chunks in order: every step runs in parallel, and the lists
 //! are the same for any number of threads.
 
+use crate::camera_rays::CameraRays;
 use crate::surfel::{Surfel, SurfelSet};
-use eagpt_scene::Camera;
 use glam::Vec3;
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ pub(crate) const TILE_PIXELS: usize = (TILE * TILE) as usize;
 
 /// Safety margin of projected bounds, in pixels: far above the rounding of single-precision
 /// projections (about 1e-3 pixel for images of 8,000 pixels), far below what costs time.
-pub(crate) const MARGIN_PIXELS: f32 = 0.02;
+const MARGIN_PIXELS: f32 = 0.02;
 
 /// Gaussians projected at once by a thread.
 pub(super) const CHUNK: usize = 4096;
@@ -66,11 +66,12 @@ struct Visible {
 }
 
 impl TileBins {
-    /// Bins all Gaussians of `set` for `camera`.
-    pub(crate) fn fill(&mut self, set: &SurfelSet, camera: &Camera) {
-        let num_bands = camera.height.div_ceil(TILE) as usize;
-        self.tiles_x = camera.width.div_ceil(TILE) as usize;
-        let projector = Projector::new(camera);
+    /// Bins all Gaussians of `set` for `rays`.
+    pub(crate) fn fill(&mut self, set: &SurfelSet, rays: &CameraRays) {
+        let projector = Projector::new(rays);
+        let (width, height) = projector.size;
+        let num_bands = height.div_ceil(TILE) as usize;
+        self.tiles_x = width.div_ceil(TILE) as usize;
         (self.chunks).resize_with(set.len().div_ceil(CHUNK), Chunk::default);
         self.chunks
             .par_iter_mut()
@@ -171,12 +172,16 @@ pub(crate) struct Projector {
     pub(crate) forward: Vec3,
     pub(crate) center: (f32, f32),
     pub(crate) size: (u32, u32),
+    /// How far beside the middle of a pixel a disc may end that one of its rays meets, in pixels.
+    pub(crate) margin: f32,
     /// Inward unit normals of the planes through the origin and the image's edges.
     pub(crate) sides: [Vec3; 4],
 }
 
 impl Projector {
-    pub(crate) fn new(camera: &Camera) -> Self {
+    /// Projection to the places of the grid of `rays`, which are its pixels.
+    pub(crate) fn new(rays: &CameraRays) -> Self {
+        let camera = rays.grid();
         let axes = &camera.world_from_camera.matrix3;
         let (right, down) = (axes.x_axis * camera.fx, axes.y_axis * camera.fy);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
@@ -194,11 +199,12 @@ impl Projector {
             forward: axes.z_axis.as_vec3(),
             center: (camera.cx as f32, camera.cy as f32),
             size: (camera.width, camera.height),
+            margin: MARGIN_PIXELS + rays.largest_offset(),
             sides: sides.map(|side| side.normalize().as_vec3()),
         }
     }
 
-    /// A lower bound of the distance of hits, and the pixels whose centres the disc may cover;
+    /// A lower bound of the distance of hits, and the pixels whose rays may meet the disc;
     /// `None` if there are none.
     #[inline(always)]
     fn project(&self, surfel: &Surfel) -> Option<(f32, PixelRect)> {
@@ -219,7 +225,7 @@ impl Projector {
         Some((nearest, self.bounds(offset, a, b)?))
     }
 
-    /// The pixels whose centres a disc may cover, given its middle and the vectors that span it.
+    /// The pixels whose rays may meet a disc, given its middle and the vectors that span it.
     #[inline(always)]
     fn bounds(&self, offset: Vec3, a: Vec3, b: Vec3) -> Option<PixelRect> {
         let depth = offset.dot(self.forward);
@@ -245,8 +251,8 @@ impl Projector {
             let half_b = ra * depth_a + rb * depth_b;
             let root = (half_b * half_b + q * (ra * ra + rb * rb)).sqrt();
             let middle = m + center;
-            let low = middle + (-half_b - root) / q - MARGIN_PIXELS;
-            let high = middle + (-half_b + root) / q + MARGIN_PIXELS;
+            let low = middle + (-half_b - root) / q - self.margin;
+            let high = middle + (-half_b + root) / q + self.margin;
             // Pixel i has its centre at i + 0.5.
             let first = (low - 0.5).ceil().max(0.0);
             let end = ((high - 0.5).floor() + 1.0).min(size as f32);

@@ -14,6 +14,7 @@ use super::search::TileList;
 use super::tile::{BLOCKS, LANES, TileRays};
 use crate::attributes::Attributes;
 use crate::blend::{BlendStatus, Blender};
+use crate::camera_rays::CameraRays;
 use crate::features::GBuffer;
 use crate::ray::Ray;
 use crate::surfel::{SeenSet, SurfelSet};
@@ -63,24 +64,25 @@ pub fn trace(
     keep: Keep,
 ) -> (GBuffer, CameraRecord) {
     let mut record = CameraRecord::default();
-    let features = record.trace(set, camera, search, keep);
+    let features = record.trace(set, &CameraRays::from(*camera), search, keep);
     (features, record)
 }
 
 impl CameraRecord {
-    /// Traces one ray through every pixel centre of `camera`, as [`trace`] does, into the memory of
-    /// an earlier record, which is lost.
+    /// Traces `rays` as [`trace`] does those through pixel centres, into the memory of an earlier
+    /// record, which is lost.
     pub fn trace(
         &mut self,
         set: &SurfelSet,
-        camera: &Camera,
+        rays: &CameraRays,
         search: HitSearch<'_>,
         keep: Keep,
     ) -> GBuffer {
-        self.camera = Some(*camera);
-        let frame = camera.ray_frame();
-        let (tiles_x, tiles_y) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
-        self.bins.fill(set, camera);
+        self.rays = Some(rays.clone());
+        let grid = rays.grid();
+        let frame = grid.ray_frame();
+        let (tiles_x, tiles_y) = (grid.width.div_ceil(TILE), grid.height.div_ceil(TILE));
+        self.bins.fill(set, rays);
         self.tiles
             .resize_with((tiles_x * tiles_y) as usize, TileRecord::default);
         let bins = &self.bins;
@@ -89,7 +91,7 @@ impl CameraRecord {
             .par_iter_mut()
             .enumerate()
             .for_each(|(tile, record)| {
-                let rays = TileRays::new(camera, &frame, tiles_x, tile);
+                let rays = TileRays::new(rays, (&grid, &frame), tile);
                 SCRATCH.with_borrow_mut(|scratch| {
                     record.clear();
                     match search {
@@ -157,9 +159,7 @@ fn trace_tile(
     list.fill(set, bins.list(tile), rays);
     for (block, directions) in rays.blocks.iter().enumerate() {
         hits.clear();
-        if rays.is_in_image(block) {
-            list.find_hits(block, directions, hits);
-        }
+        list.find_hits(block, directions, hits);
         record.blend(&list.attributes, hits, keep);
     }
 }
@@ -184,14 +184,17 @@ fn trace_tile_by_rays(
     found.clear();
     ends.clear();
     for p in 0..TILE_PIXELS {
-        let ray = Ray::free(rays.origin, rays.blocks[p / LANES].direction(p % LANES));
-        bvh.find_hits(&ray, Reach::UntilOpaque, single);
-        found.extend(
-            single
-                .hits()
-                .iter()
-                .map(|hit| (hit.t(), hit.index(), hit.alpha)),
-        );
+        let block = &rays.blocks[p / LANES];
+        if block.has_ray(p % LANES) {
+            let ray = Ray::free(rays.origin, block.direction(p % LANES));
+            bvh.find_hits(&ray, Reach::UntilOpaque, single);
+            found.extend(
+                single
+                    .hits()
+                    .iter()
+                    .map(|hit| (hit.t(), hit.index(), hit.alpha)),
+            );
+        }
         ends.push(found.len());
     }
     list.name_slots(set, rays.origin, found.iter().map(|hit| hit.1));

@@ -5,6 +5,7 @@ use super::search::TileSurfel;
 use super::tile::pixels_of_tile;
 use crate::attributes::Attributes;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
+use crate::camera_rays::CameraRays;
 use crate::features::{Features, GBuffer};
 use crate::weights::BlendWeights;
 use eagpt_scene::Camera;
@@ -13,8 +14,8 @@ use rayon::prelude::*;
 /// The blended hits of every pixel, kept for the adjoint, and memory that the next image reuses.
 #[derive(Debug, Clone, Default)]
 pub struct CameraRecord {
-    /// Of the last image; none before the first.
-    pub(super) camera: Option<Camera>,
+    /// Of the last image; none before the first. The record is of the places of their grid.
+    pub(super) rays: Option<CameraRays>,
     pub(super) tiles: Vec<TileRecord>,
     pub(super) bins: TileBins,
     pub(super) rows: RowPlaces,
@@ -57,14 +58,26 @@ pub(super) struct BlendedHit {
 }
 
 impl CameraRecord {
-    /// Composited features of the camera; of no pixel before the first.
+    /// The camera whose pixels are the places of the grid of rays; `None` before the first image.
+    pub(super) fn grid(&self) -> Option<Camera> {
+        self.rays.as_ref().map(CameraRays::grid)
+    }
+
+    /// Composited features of the pixels that the rays make; of no pixel before the first image.
     pub fn gbuffer(&self) -> GBuffer {
-        let pixels = self.camera.as_ref().map(|camera| self.features(camera));
-        GBuffer {
-            width: self.camera.map_or(0, |camera| camera.width),
-            height: self.camera.map_or(0, |camera| camera.height),
-            pixels: pixels.unwrap_or_default(),
-        }
+        let Some(rays) = &self.rays else {
+            return GBuffer {
+                width: 0,
+                height: 0,
+                pixels: Vec::new(),
+            };
+        };
+        let grid = rays.grid();
+        rays.means(GBuffer {
+            width: grid.width,
+            height: grid.height,
+            pixels: self.features(&grid),
+        })
     }
 
     fn features(&self, camera: &Camera) -> Vec<Features> {
@@ -91,7 +104,7 @@ impl CameraRecord {
 
     /// The weights of the blend in every pixel; see [`BlendWeights`].
     pub fn weights(&self, least: f32) -> BlendWeights {
-        let Some(camera) = &self.camera else {
+        let Some(camera) = &self.grid() else {
             return BlendWeights::default();
         };
         let per_tile: Vec<BlendWeights> = self
@@ -114,7 +127,7 @@ impl CameraRecord {
     /// Contribution of each Gaussian to the image. A Gaussian that several tiles saw comes once
     /// for each of them, tiles in order.
     pub fn contributions(&self, value: PixelValue<'_>) -> Vec<Contribution> {
-        let Some(camera) = &self.camera else {
+        let Some(camera) = &self.grid() else {
             return Vec::new();
         };
         let per_tile: Vec<Vec<Contribution>> = self
@@ -134,8 +147,6 @@ impl CameraRecord {
                         row.add(hit.weight, pixel as u32, value);
                     }
                 }
-                // Tiles reach beyond the image's border; what was hit only there was not seen.
-                rows.retain(|row| row.weight > 0.0);
                 rows
             })
             .collect();

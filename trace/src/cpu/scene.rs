@@ -5,6 +5,7 @@ use super::camera::{self, HitSearch, Keep};
 use super::realizations::{Realizations, SCENE_SEED, SampledHit};
 use super::record::CameraRecord;
 use crate::attributes::Attributes;
+use crate::camera_rays::CameraRays;
 use crate::features::Features;
 use crate::ray::Ray;
 use crate::surfel::SurfelSet;
@@ -134,17 +135,17 @@ impl CpuScene {
         camera: &Camera,
         read: impl FnOnce(&CameraRecord) -> R,
     ) -> R {
-        match self.record.camera {
-            Some(last) if last == *camera => read(&self.record),
+        match &self.record.rays {
+            Some(last) if *last == CameraRays::from(*camera) => read(&self.record),
             _ => read(&camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record).1),
         }
     }
 
-    /// Records `camera` if it is not the one recorded last.
-    pub(super) fn recorded(&mut self, camera: &Camera) -> &mut CameraRecord {
-        if self.record.camera.as_ref() != Some(camera) {
+    /// Records `rays` if they are not those recorded last.
+    pub(super) fn recorded(&mut self, rays: &CameraRays) -> &mut CameraRecord {
+        if self.record.rays.as_ref() != Some(rays) {
             let search = HitSearch::Tiles;
-            self.record.trace(&self.set, camera, search, Keep::Record);
+            self.record.trace(&self.set, rays, search, Keep::Record);
         }
         &mut self.record
     }

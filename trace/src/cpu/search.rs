@@ -113,7 +113,7 @@ impl TileList {
     /// Tests the Gaussians that `block` may see against its rays.
     #[inline(always)]
     pub(super) fn find_hits(&self, block: usize, rays: &RayBlock, hits: &mut BlockHits) {
-        let mut closing = BlockClosing::OPEN;
+        let mut closing = BlockClosing::new(rays.rays());
         for (at, &slot) in self.blocks[block].iter().enumerate() {
             let surfel = &self.slots[slot as usize];
             if at % CLOSING_INTERVAL == 0 {
@@ -198,15 +198,20 @@ struct BlockClosing {
 }
 
 impl BlockClosing {
-    const OPEN: Self = Self {
-        transmittance: [1.0; LANES],
-        farthest: [0.0; LANES],
-    };
     /// As long as a ray continues, the weight of such a hit is above [`MIN_WEIGHT`]. The factor
     /// covers rounding.
     const SURE_ALPHA: f32 = 1.01 * MIN_WEIGHT / MIN_TRANSMITTANCE;
     /// Under the limit of a ray by enough to cover the rounding of products in another order.
     const LIMIT: f32 = 0.99 * MIN_TRANSMITTANCE;
+
+    /// Open where there is a ray, one byte for each lane.
+    #[inline(always)]
+    fn new(rays: u128) -> Self {
+        Self {
+            transmittance: rays.to_le_bytes().map(f32::from),
+            farthest: [0.0; LANES],
+        }
+    }
 
     /// Takes note of hits and returns, one byte for each ray, those that are not behind the end of
     /// their ray.

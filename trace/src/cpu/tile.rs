@@ -2,6 +2,7 @@
 //! against all rays of a block and all blocks of a tile.
 
 use super::bins::{TILE, TILE_PIXELS};
+use crate::camera_rays::CameraRays;
 use crate::surfel::SeenSurfel;
 use eagpt_scene::Camera;
 use eagpt_scene::camera::RayFrame;
@@ -18,14 +19,10 @@ pub(super) const BLOCKS: usize = TILE_PIXELS / LANES;
 
 const _: () = assert!(BLOCK * BLOCK == LANES as u32 && BLOCKS == LANES);
 
-/// Pixel grid of a tile: position and rays.
+/// The rays of a tile of their grid.
 pub(super) struct TileRays {
-    x0: u32,
-    y0: u32,
-    width: u32,
-    height: u32,
     pub(super) origin: [f32; 3],
-    /// Directions in blocks of one SIMD register. Pixels outside the image get rays, too.
+    /// In blocks of one SIMD register.
     pub(super) blocks: [RayBlock; BLOCKS],
     pub(super) grid: BlockGrid,
 }
@@ -37,6 +34,8 @@ pub(super) struct RayBlock {
     x: [f32; LANES],
     y: [f32; LANES],
     z: [f32; LANES],
+    /// One byte for each lane, 1 where there is a ray: not outside the image.
+    rays: u128,
 }
 
 /// Intersections of [`LANES`] rays with the plane of one Gaussian.
@@ -53,6 +52,17 @@ impl RayBlock {
     #[inline(always)]
     pub(super) fn direction(&self, lane: usize) -> [f32; 3] {
         [self.x[lane], self.y[lane], self.z[lane]]
+    }
+
+    #[inline(always)]
+    pub(super) fn has_ray(&self, lane: usize) -> bool {
+        self.rays.to_le_bytes()[lane] == 1
+    }
+
+    /// One byte for each lane, 1 where there is a ray.
+    #[inline(always)]
+    pub(super) fn rays(&self) -> u128 {
+        self.rays
     }
 
     fn set(&mut self, lane: usize, direction: Vec3) {
@@ -77,41 +87,37 @@ impl RayBlock {
             t,
             u,
             v,
-            hits: u128::from_le_bytes(hits),
+            hits: u128::from_le_bytes(hits) & self.rays,
         }
     }
 }
 
 impl TileRays {
-    pub(super) fn new(camera: &Camera, frame: &RayFrame, tiles_x: u32, tile: usize) -> Self {
+    /// The rays of a tile of `grid`, the grid of `rays`, whose directions are those of `frame`.
+    pub(super) fn new(rays: &CameraRays, (grid, frame): (&Camera, &RayFrame), tile: usize) -> Self {
+        let tiles_x = grid.width.div_ceil(TILE);
         let (x0, y0) = (tile as u32 % tiles_x * TILE, tile as u32 / tiles_x * TILE);
-        let mut rays = Self {
-            x0,
-            y0,
-            width: camera.width,
-            height: camera.height,
-            origin: frame.origin.to_array(),
-            blocks: [RayBlock::default(); BLOCKS],
-            grid: BlockGrid::new(frame, x0, y0),
-        };
-        for block in 0..BLOCKS {
+        let block = |block: usize| {
+            let mut made = RayBlock::default();
+            let mut has_ray = [0_u8; LANES];
             for lane in 0..LANES {
-                let (x, y) = rays.position(block, lane);
-                let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-                rays.blocks[block].set(lane, direction);
+                let (x, y) = pixel_position(x0, y0, block, lane);
+                if x < grid.width
+                    && y < grid.height
+                    && let Some(offset) = rays.offset(x, y)
+                {
+                    has_ray[lane] = 1;
+                    made.set(lane, frame.direction(x as f32 + offset, y as f32 + offset));
+                }
             }
+            made.rays = u128::from_le_bytes(has_ray);
+            made
+        };
+        Self {
+            origin: frame.origin.to_array(),
+            blocks: std::array::from_fn(block),
+            grid: BlockGrid::new(frame, x0, y0),
         }
-        rays
-    }
-
-    fn position(&self, block: usize, lane: usize) -> (u32, u32) {
-        pixel_position(self.x0, self.y0, block, lane)
-    }
-
-    /// Whether some pixel of a block lies in the image.
-    pub(super) fn is_in_image(&self, block: usize) -> bool {
-        let (x, y) = self.position(block, 0);
-        x < self.width && y < self.height
     }
 }
 

@@ -4,6 +4,7 @@ use super::camera::{self, HitSearch, Keep};
 use super::record::CameraRecord;
 use super::{CpuScene, glossy, integrate};
 use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
+use crate::camera_rays::CameraRays;
 use crate::device::Device;
 use crate::error::TraceError;
 use crate::features::{Features, GBuffer};
@@ -40,13 +41,13 @@ impl Tracer for CpuScene {
         self.emissive = lights::emissive(gaussians);
         self.lights.take();
         self.light_list.take();
-        self.record.camera = None;
+        self.record.rays = None;
         Ok(())
     }
 
     fn set_albedos(&mut self, albedos: &[Vec3]) -> Result<(), TraceError> {
         self.set.set_albedos(albedos);
-        self.record.camera = None;
+        self.record.rays = None;
         Ok(())
     }
 
@@ -54,24 +55,24 @@ impl Tracer for CpuScene {
         Ok(camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Nothing).0)
     }
 
-    fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError> {
+    fn record(&mut self, rays: &CameraRays) -> Result<GBuffer, TraceError> {
         Ok(self
             .record
-            .trace(&self.set, camera, HitSearch::Tiles, Keep::Record))
+            .trace(&self.set, rays, HitSearch::Tiles, Keep::Record))
     }
 
     fn adjoint(
         &mut self,
-        camera: &Camera,
+        rays: &CameraRays,
         d_features: &[Features],
         mask: GradientMask,
     ) -> Result<Vec<LocalGradient>, TraceError> {
-        self.recorded(camera);
+        self.recorded(rays);
         Ok(self.record.adjoint(&self.set, d_features, mask))
     }
 
     fn weights(&mut self, camera: &Camera, least: f32) -> Result<Option<BlendWeights>, TraceError> {
-        Ok(Some(self.recorded(camera).weights(least)))
+        Ok(Some(self.recorded(&(*camera).into()).weights(least)))
     }
 
     fn contributions(

@@ -15,8 +15,8 @@ use super::passes::{self, RecordedBand};
 use super::record::RecordBuffers;
 use super::scene_buffers::SceneBuffers;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
+use crate::camera_rays::CameraRays;
 use crate::features::{Features, NUM_LANES};
-use eagpt_scene::Camera;
 use rayon::prelude::*;
 
 /// The adjoint of the camera rays of a scene, for cameras of one size. Buffers stay on the device
@@ -72,22 +72,24 @@ impl Adjoint {
     }
 
     /// Gradients by all Gaussians, read back; `d_features` are derivatives by the features of each
-    /// pixel, row by row.
+    /// pixel that `rays` make, row by row.
     pub(super) fn gradients(
         &self,
         device: &Device,
         tracer: &CameraTracer,
-        camera: &Camera,
+        rays: &CameraRays,
         d_features: &[Features],
     ) -> Result<Vec<LocalGradient>, Incomplete> {
-        assert_eq!(d_features.len(), camera.num_pixels(), "one for each pixel");
+        let num_pixels = rays.camera().num_pixels();
+        assert_eq!(d_features.len(), num_pixels, "one for each pixel");
+        let d_features = rays.adjoint_of_means(d_features);
         let back = |band: &RecordedBand| {
             let d_features = d_features[band.pixels.clone()].iter();
             let lanes: Vec<[f32; NUM_LANES]> = d_features.map(|features| features.0).collect();
             device.write(&self.record.d_features, bytemuck::cast_slice(&lanes));
             device.run(&band.gradients)
         };
-        self.go_back(device, tracer, camera, back, || {
+        self.go_back(device, tracer, rays, back, || {
             let all = 0..self.num_surfels as usize;
             let rows = device.read::<[f32; NUM_LANES]>(&self.record.gradients, all)?;
             Ok(rows.into_iter().map(LocalGradient).collect())
@@ -100,7 +102,7 @@ impl Adjoint {
         &self,
         device: &Device,
         tracer: &CameraTracer,
-        camera: &Camera,
+        rays: &CameraRays,
         value: PixelValue<'_>,
         pixels: &mut Vec<Features>,
     ) -> Result<Vec<Contribution>, Incomplete> {
@@ -113,7 +115,7 @@ impl Adjoint {
             device.write(&self.record.values, bytemuck::cast_slice(&values));
             device.run(&band.contributions)
         };
-        self.go_back(device, tracer, camera, back, || {
+        self.go_back(device, tracer, rays, back, || {
             let all = 0..self.num_surfels as usize;
             let mut rows = device.read::<Contribution>(&self.record.contributions, all)?;
             rows.retain(|row| row.weight > 0.0);
@@ -121,18 +123,18 @@ impl Adjoint {
         })
     }
 
-    /// Traces all bands of `camera` with a record, goes `back` from each of them, and reads what
+    /// Traces all bands of `rays` with a record, goes `back` from each of them, and reads what
     /// Gaussians have got from all.
     fn go_back<T>(
         &self,
         device: &Device,
         tracer: &CameraTracer,
-        camera: &Camera,
+        rays: &CameraRays,
         mut back: impl FnMut(&RecordedBand) -> Result<(), GpuError>,
         read: impl FnOnce() -> Result<T, GpuError>,
     ) -> Result<T, Incomplete> {
         let mut commands = device.commands();
-        tracer.record_binning(device, camera, &mut commands);
+        tracer.record_binning(device, rays, &mut commands);
         commands.clear_buffer(&self.record.gradients, 0, None);
         commands.clear_buffer(&self.record.contributions, 0, None);
         device.submit(commands)?;
@@ -205,15 +207,15 @@ impl WholeImage<'_> {
         self.adjoint.capacity
     }
 
-    /// Bins and traces `camera`; the counters tell whether all of it has fitted.
+    /// Bins and traces `rays`; the counters tell whether all of it has fitted.
     pub(super) fn forward(
         &self,
         device: &Device,
         tracer: &CameraTracer,
-        camera: &Camera,
+        rays: &CameraRays,
         commands: &mut Commands,
     ) {
-        tracer.record_binning(device, camera, commands);
+        tracer.record_binning(device, rays, commands);
         commands.clear_buffer(&self.adjoint.record.gradients, 0, None);
         self.adjoint.forward(device, tracer, self.band, commands);
     }

@@ -4,11 +4,15 @@
 //! tiles that they may cover, and these entries are sorted by tile; both sorts are stable, so that
 //! lists come out nearest first, and the same in every run.
 
-use super::declarations::camera::{Counters, ENTRIES, GAUSSIANS, KEY_BITS, Seen, TILE, View};
+use super::declarations::camera::{
+    Counters, ENTRIES, GAUSSIANS, KEY_BITS, Seen, SplitPixels, TILE, TILES_PER_DISPATCH, View,
+};
 use super::device::{Commands, Device};
 use super::error::GpuError;
 use super::scene_buffers::SceneBuffers;
 use super::sort::Sorter;
+use crate::camera_rays::CameraRays;
+use bytemuck::Zeroable as _;
 use eagpt_scene::Camera;
 use std::mem::offset_of;
 
@@ -24,6 +28,8 @@ const ENTRIES_PER_SURFEL: u32 = 4;
 #[derive(Debug)]
 pub(super) struct BinBuffers {
     pub(super) view: wgpu::Buffer,
+    /// [`SplitPixels`] of the tiles of each dispatch.
+    pub(super) split: Vec<wgpu::Buffer>,
     /// [`Seen`], `[n]`.
     pub(super) seen: wgpu::Buffer,
     /// Rectangle of tiles of each Gaussian, `[n]`.
@@ -75,10 +81,13 @@ impl BinBuffers {
         let bytes = |num: u32, size: usize| u64::from(num) * size as u64;
         let of_gaussians = |what, size| device.buffer(what, bytes(n, size));
         let of_entries = |what, size| device.buffer(what, bytes(capacity, size));
-        let view: View = bytemuck::Zeroable::zeroed();
+        let view = View::zeroed();
         let counters = device.buffer("counters", size_of::<Counters>() as u64)?;
         let bins = Self {
             view: device.uniform("view", &view),
+            split: (0..num_tiles.div_ceil(TILES_PER_DISPATCH))
+                .map(|_| device.uniform("split pixels", &SplitPixels::zeroed()))
+                .collect(),
             seen: of_gaussians("Gaussians as seen", size_of::<Seen>())?,
             rects: of_gaussians("rectangles", size_of::<[u32; 2]>())?,
             attributes: match &scene.harmonics {
@@ -107,15 +116,18 @@ impl BinBuffers {
         self.by_distance.sorted().1
     }
 
-    /// True for cameras of the size of `camera` and this many Gaussians.
-    pub(super) fn fits(&self, camera: &Camera, num_surfels: u32) -> bool {
-        self.size == (camera.width, camera.height) && self.num_surfels == num_surfels
+    /// True for rays on a grid of the size of `grid` and this many Gaussians.
+    pub(super) fn fits(&self, grid: &Camera, num_surfels: u32) -> bool {
+        self.size == (grid.width, grid.height) && self.num_surfels == num_surfels
     }
 
-    /// Prepares the buffers for another `camera`.
-    pub(super) fn begin(&self, device: &Device, camera: &Camera, commands: &mut Commands) {
-        let view = View::new(camera, self.num_surfels);
+    /// Prepares the buffers for other `rays`.
+    pub(super) fn begin(&self, device: &Device, rays: &CameraRays, commands: &mut Commands) {
+        let view = View::new(rays, self.num_surfels);
         device.write(&self.view, bytemuck::bytes_of(&view));
+        for (buffer, split) in self.split.iter().zip(&SplitPixels::of(rays)) {
+            device.write(buffer, bytemuck::bytes_of(split));
+        }
         commands.clear_buffer(&self.list_starts, 0, None);
     }
 

@@ -7,8 +7,8 @@ use super::device::{Commands, Device, Pass};
 use super::error::GpuError;
 use super::passes;
 use super::scene_buffers::SceneBuffers;
+use crate::camera_rays::CameraRays;
 use crate::features::{Features, NUM_LANES};
-use eagpt_scene::Camera;
 use std::ops::Range;
 
 /// Rows of pixels whose features fit into one buffer, whole rows of tiles.
@@ -91,16 +91,21 @@ impl CameraTracer {
             .unwrap_or(0)
     }
 
-    /// Appends the binning for `camera` to `commands`.
-    pub(super) fn record_binning(&self, device: &Device, camera: &Camera, commands: &mut Commands) {
-        self.bins.begin(device, camera, commands);
+    /// Appends the binning for `rays` to `commands`.
+    pub(super) fn record_binning(
+        &self,
+        device: &Device,
+        rays: &CameraRays,
+        commands: &mut Commands,
+    ) {
+        self.bins.begin(device, rays, commands);
         device.record(&self.binning, commands);
     }
 
-    /// Brings `camera`'s lists of Gaussians to the device. Waits for it.
-    pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<(), Incomplete> {
+    /// Brings the lists of Gaussians of the grid of `rays` to the device. Waits for it.
+    pub(super) fn bin(&self, device: &Device, rays: &CameraRays) -> Result<(), Incomplete> {
         let mut commands = device.commands();
-        self.record_binning(device, camera, &mut commands);
+        self.record_binning(device, rays, &mut commands);
         device.submit(commands)?;
         let needed = self.bins.counters(device)?;
         if needed.entries > self.bins.capacity {
@@ -109,7 +114,7 @@ impl CameraTracer {
         Ok(())
     }
 
-    /// Traces the camera that was binned last, and hands each band of pixels with their features to
+    /// Traces the rays that were binned last, and hands each band of the grid with its features to
     /// `finish` while they are on the device.
     pub(super) fn trace(
         &self,

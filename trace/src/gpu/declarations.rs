@@ -9,7 +9,6 @@ pub(super) mod sort;
 use super::bvh;
 use super::layout::{Layout, layout, write_line};
 use crate::blend::Contribution;
-use crate::cpu::bins::MARGIN_PIXELS;
 use crate::cpu::realizations::NUM_REALIZATIONS;
 use crate::features::lane;
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
@@ -19,7 +18,7 @@ use crate::transport::matrix::{EMITTER, NOTHING};
 use crate::transport::{bsdf, start, vertex};
 use camera::{
     Band, CHUNK_HITS, CHUNK_WORDS, FARTHEST_KEY, KEY_SHIFT, PENDING, PIXEL_WORDS, PLACES, Seen,
-    TILE, TILE_PIXELS, View,
+    SplitPixels, TILE, TILE_PIXELS, TILES_PER_DISPATCH, View,
 };
 use eagpt_scene::harmonics::{FUNCTION_CONSTANTS, MAX_EXPONENT, NUM_FUNCTIONS};
 use light::{
@@ -72,6 +71,7 @@ pub(super) fn layouts() -> Vec<Layout> {
         }),
         Seen::layout(),
         View::layout(),
+        SplitPixels::layout(),
         Band::layout(),
         ScanParameters::layout(),
         SortParameters::layout(),
@@ -100,7 +100,6 @@ pub(super) fn declarations() -> String {
         ("MIN_TRANSMITTANCE", MIN_TRANSMITTANCE),
         ("MIN_COSINE", MIN_COSINE),
         ("OWN_COSINE", OWN_COSINE),
-        ("BIN_MARGIN_PIXELS", MARGIN_PIXELS),
         ("START_MIN_ALPHA", start::MIN_ALPHA),
         ("OFFSET_DEVIATIONS", start::OFFSET_DEVIATIONS),
         ("MIN_OFFSET_SIZES", start::MIN_OFFSET_SIZES),
@@ -123,6 +122,7 @@ pub(super) fn declarations() -> String {
         ("MAX_GROUP_SIZE", SCAN_THREADS),
         ("TILE", TILE),
         ("TILE_PIXELS", TILE_PIXELS),
+        ("TILES_PER_DISPATCH", TILES_PER_DISPATCH),
         ("PENDING", PENDING),
         ("KEY_SHIFT", KEY_SHIFT),
         ("FARTHEST_KEY", FARTHEST_KEY),

@@ -7,14 +7,14 @@ use super::declarations::camera::Counters;
 use super::device::{Commands, Device};
 use super::error::GpuError;
 use super::scene::GpuScene;
-use eagpt_scene::Camera;
+use crate::camera_rays::CameraRays;
 use std::sync::Arc;
 
-/// Buffers of a camera's rays, until a camera of another size or one for which they have to grow
-/// comes.
+/// Buffers of a camera's rays, until rays on a grid of another size come, or some for which they
+/// have to grow.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// [`crate::Features`] of every pixel, row by row: written by [`GpuScene::forward`].
+    /// [`crate::Features`] of every place of the grid, row by row: written by [`GpuScene::forward`].
     pub features: wgpu::Buffer,
     /// Derivatives of the loss by them: read by [`GpuScene::backward`].
     pub d_features: wgpu::Buffer,
@@ -56,14 +56,14 @@ impl GpuScene {
         self.buffers.num_surfels()
     }
 
-    /// The buffers for cameras of the size of `camera`; `None` where one buffer does not hold all
-    /// of its pixels.
+    /// The buffers for rays on a grid of the size of that of `rays`; `None` where one buffer does
+    /// not hold all of it.
     ///
     /// # Errors
     /// If the device fails, or has not enough memory.
-    pub fn frame(&self, camera: &Camera) -> Result<Option<Frame>, GpuError> {
+    pub fn frame(&self, rays: &CameraRays) -> Result<Option<Frame>, GpuError> {
         let mut views = self.views();
-        let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
+        let (tracer, adjoint) = views.both(&self.device, &self.buffers, rays)?;
         Ok(adjoint.whole().map(|image| Frame {
             features: tracer.features.clone(),
             d_features: image.d_features().clone(),
@@ -74,34 +74,34 @@ impl GpuScene {
         }))
     }
 
-    /// Grows the buffers for cameras of the size of `camera`, if a frame that needs `needed` does
+    /// Grows the buffers for grids of the size of that of `rays`, if a frame that needs `needed` does
     /// not fit. Returns whether they were too small.
-    pub fn grow(&self, camera: &Camera, needed: &Counters) -> bool {
-        self.views().grow(camera, needed)
+    pub fn grow(&self, rays: &CameraRays, needed: &Counters) -> bool {
+        self.views().grow(rays, needed)
     }
 
-    /// Records that `camera` is traced into its [`Frame`]; nothing where it has none. One camera
-    /// for each submission.
+    /// Records that `rays` are traced into their [`Frame`]; nothing where they have none. Rays of one
+    /// camera for each submission.
     ///
     /// # Errors
     /// If the device fails.
-    pub fn forward(&self, camera: &Camera, commands: &mut Commands) -> Result<(), GpuError> {
+    pub fn forward(&self, rays: &CameraRays, commands: &mut Commands) -> Result<(), GpuError> {
         let mut views = self.views();
-        let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
+        let (tracer, adjoint) = views.both(&self.device, &self.buffers, rays)?;
         if let Some(image) = adjoint.whole() {
-            image.forward(&self.device, tracer, camera, commands);
+            image.forward(&self.device, tracer, rays, commands);
         }
         Ok(())
     }
 
-    /// Records the way from the derivatives in the [`Frame`] of `camera`, which was traced last, to
+    /// Records the way from the derivatives in the [`Frame`] of `rays`, which were traced last, to
     /// gradients.
     ///
     /// # Errors
     /// If the device fails.
-    pub fn backward(&self, camera: &Camera, commands: &mut Commands) -> Result<(), GpuError> {
+    pub fn backward(&self, rays: &CameraRays, commands: &mut Commands) -> Result<(), GpuError> {
         let mut views = self.views();
-        let (_, adjoint) = views.both(&self.device, &self.buffers, camera)?;
+        let (_, adjoint) = views.both(&self.device, &self.buffers, rays)?;
         if let Some(image) = adjoint.whole() {
             image.backward(&self.device, commands);
         }

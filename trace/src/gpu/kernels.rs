@@ -2,7 +2,7 @@
 //! [`super::Device::pass`]. A test holds the table against the modules.
 
 use super::declarations::GROUP_SIZE;
-use super::declarations::camera::{Band, Seen, View};
+use super::declarations::camera::{Band, Seen, SplitPixels, View};
 use super::declarations::light::{Emitter, Gathered, LightParameters, PathState, RayQuery};
 use super::declarations::matrix::{
     DirectLight, FoundEntry, LightCluster, LightDisc, ReceiverOnDevice, TransportParameters,
@@ -163,12 +163,13 @@ kernels! { shader::sources;
     TRACE_TILES = "camera" trace_tiles ["tile_lists"] {
         0 view: Uniform View, 1 band: Uniform Band, 2 list_starts: Read u32,
         3 listed: Read [u32; 2], 4 seen_surfels: Read Seen, 5 attributes: Read Attributes,
-        6 features: Write Features,
+        6 features: Write Features, 10 split: Uniform SplitPixels,
     }
     TRACE_AND_RECORD_TILES = "camera" trace_tiles ["tile_lists", "record"] {
         0 view: Uniform View, 1 band: Uniform Band, 2 list_starts: Read u32,
         3 listed: Read [u32; 2], 4 seen_surfels: Read Seen, 5 attributes: Read Attributes,
         6 features: Write Features, 7 record: Write u32, 8 masks: Write u32, 9 counters: Write u32,
+        10 split: Uniform SplitPixels,
     }
 
     COUNT_HITS = "adjoint_count" count_hits [] {
@@ -178,6 +179,7 @@ kernels! { shader::sources;
         0 view: Uniform View, 1 band: Uniform Band, 2 record: Read u32, 3 listed: Read [u32; 2],
         4 seen_surfels: Read Seen, 5 attributes: Read Attributes, 6 d_features: Read Features,
         7 masks: Read [u32; 2], 8 hit_starts: Read u32, 9 hits: Write [f32; 2],
+        10 split: Uniform SplitPixels,
     }
     ADD_GRADIENT_ROWS = "adjoint_rows" add_rows [] {
         0 view: Uniform View, 1 band: Uniform Band, 2 listed: Read [u32; 2],

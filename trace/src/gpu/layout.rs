@@ -92,6 +92,7 @@ const fn size_and_align(wgsl: &str) -> (usize, usize) {
         b"array<vec4f, 4>" => (64, 16),
         b"array<vec4f, 5>" => (80, 16),
         b"array<u32, 3>" => (12, 4),
+        b"array<vec4u, 512>" => (8192, 16),
         b"Surfel" => (size_of::<Surfel>(), 16),
         _ => (0, 0),
     }

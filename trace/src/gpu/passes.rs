@@ -7,7 +7,7 @@
 //! blended hits are the same, sums are rounded in another order.
 
 use super::bins::BinBuffers;
-use super::declarations::camera::Band;
+use super::declarations::camera::{Band, TILES_PER_DISPATCH};
 use super::device::{Device, Pass};
 use super::error::GpuError;
 use super::kernels::{self, groups};
@@ -15,9 +15,6 @@ use super::record::RecordBuffers;
 use super::scan::scan;
 use super::scene_buffers::SceneBuffers;
 use std::ops::Range;
-
-/// Tiles of one dispatch: a kernel that runs for seconds is stopped by the driver.
-const TILES_PER_DISPATCH: u32 = 4096;
 
 /// Bins the Gaussians of `scene`: lists of those that each tile may see, nearest first.
 pub(super) fn bin(
@@ -117,7 +114,7 @@ pub(super) fn trace(
     features: &wgpu::Buffer,
     band: Band,
 ) -> Vec<Pass> {
-    let trace = |band: &wgpu::Buffer, num_tiles| {
+    let trace = |band: &wgpu::Buffer, split: &wgpu::Buffer, num_tiles| {
         let buffers = [
             &bins.view,
             band,
@@ -126,10 +123,11 @@ pub(super) fn trace(
             &bins.seen,
             &bins.attributes,
             features,
+            split,
         ];
         device.pass(&kernels::TRACE_TILES, &buffers, num_tiles)
     };
-    each_tile(device, band, trace)
+    each_tile(device, bins, band, trace)
 }
 
 /// The passes of a band whose hits are recorded.
@@ -175,19 +173,19 @@ pub(super) fn trace_and_go_back(
     let each_entry = groups(bins.capacity);
 
     // Forward: every pixel keeps its blended hits, and every list the pixels that blended them.
-    let trace = |band: &wgpu::Buffer, num_tiles| {
+    let trace = |band: &wgpu::Buffer, split: &wgpu::Buffer, num_tiles| {
         let lists = [view, band, &bins.list_starts, listed, seen, attributes];
-        let buffers = [&lists[..], &[features, chunks, masks, counters]].concat();
+        let buffers = [&lists[..], &[features, chunks, masks, counters, split]].concat();
         device.pass(&kernels::TRACE_AND_RECORD_TILES, &buffers, num_tiles)
     };
-    let mut forward = each_tile(device, band, trace);
+    let mut forward = each_tile(device, bins, band, trace);
     // Where the hits of a Gaussian in a tile begin.
     forward.push(device.pass(&kernels::COUNT_HITS, &[masks, hit_starts], each_entry));
     forward.extend(scan(device, hit_starts, bins.capacity)?);
 
     // Back: weight and dL/dα of each hit, its pixel's hits back to front.
-    let weigh = |band: &wgpu::Buffer, num_tiles| {
-        let hits = [masks, hit_starts, hits];
+    let weigh = |band: &wgpu::Buffer, split: &wgpu::Buffer, num_tiles| {
+        let hits = [masks, hit_starts, hits, split];
         let buffers = [
             &[view, band, chunks, listed, seen, attributes, d_features],
             &hits[..],
@@ -195,7 +193,7 @@ pub(super) fn trace_and_go_back(
         .concat();
         device.pass(&kernels::WEIGH_HITS, &buffers, num_tiles)
     };
-    let mut gradients = each_tile(device, band, weigh);
+    let mut gradients = each_tile(device, bins, band, weigh);
     let mut contributions = gradients.clone();
     // A row for each Gaussian and tile, then the sum of the rows of a Gaussian; as many rows at a
     // time as a buffer holds.
@@ -242,19 +240,26 @@ pub(super) fn trace_and_go_back(
     })
 }
 
-/// The passes that `pass` makes for all tiles of `band`, of parts of it and the number of their
-/// tiles.
-fn each_tile(device: &Device, band: Band, pass: impl Fn(&wgpu::Buffer, u32) -> Pass) -> Vec<Pass> {
-    (band.first_tile..band.end_tile)
-        .step_by(TILES_PER_DISPATCH as usize)
-        .map(|first_tile| {
-            let end_tile = (first_tile + TILES_PER_DISPATCH).min(band.end_tile);
+/// The passes that `pass` makes for all tiles of `band`, of parts of it, their split pixels and the
+/// number of their tiles. A part is of one dispatch of all tiles of `bins`.
+fn each_tile(
+    device: &Device,
+    bins: &BinBuffers,
+    band: Band,
+    pass: impl Fn(&wgpu::Buffer, &wgpu::Buffer, u32) -> Pass,
+) -> Vec<Pass> {
+    let dispatches = (0..).step_by(TILES_PER_DISPATCH as usize).zip(&bins.split);
+    dispatches
+        .filter_map(|(start, split)| {
+            let first_tile = band.first_tile.max(start);
+            let end_tile = band.end_tile.min(start + TILES_PER_DISPATCH);
             let part = Band {
                 first_tile,
                 end_tile,
                 ..band
             };
-            pass(&device.uniform("band", &part), end_tile - first_tile)
+            (first_tile < end_tile)
+                .then(|| pass(&device.uniform("band", &part), split, end_tile - first_tile))
         })
         .collect()
 }

@@ -20,7 +20,7 @@ pub(super) struct RecordBuffers {
     pub(super) masks: wgpu::Buffer,
     /// First of the hits of each place.
     pub(super) hit_starts: wgpu::Buffer,
-    /// Weight and dL/dα of each hit.
+    /// Weight and dL/dα of each hit; see `adjoint_weights.wgsl`.
     pub(super) hits: wgpu::Buffer,
     /// Gradients or contributions of each place.
     pub(super) rows: wgpu::Buffer,

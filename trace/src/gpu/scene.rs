@@ -11,6 +11,7 @@ use super::rays::Rays;
 use super::scene_buffers::SceneBuffers;
 use super::views::Views;
 use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
+use crate::camera_rays::CameraRays;
 use crate::cpu::CpuScene;
 use crate::error::TraceError;
 use crate::features::{Features, GBuffer};
@@ -104,7 +105,7 @@ impl GpuScene {
     {
         let device = &*self.device;
         let mut views = self.views();
-        let tracer = views.binned(device, &self.buffers, camera)?;
+        let tracer = views.binned(device, &self.buffers, &CameraRays::from(*camera))?;
         tracer.trace(device, make_finish(tracer)?)
     }
 
@@ -242,21 +243,22 @@ impl Tracer for GpuScene {
     }
 
     fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError> {
-        Ok(self.views().features(&self.device, &self.buffers, camera)?)
+        let rays = &CameraRays::from(*camera);
+        Ok(self.views().features(&self.device, &self.buffers, rays)?)
     }
 
-    fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError> {
-        self.gbuffer(camera)
+    fn record(&mut self, rays: &CameraRays) -> Result<GBuffer, TraceError> {
+        Ok(self.views().features(&self.device, &self.buffers, rays)?)
     }
 
     fn adjoint(
         &mut self,
-        camera: &Camera,
+        rays: &CameraRays,
         d_features: &[Features],
         _: GradientMask,
     ) -> Result<Vec<LocalGradient>, TraceError> {
         let mut views = self.views();
-        Ok(views.adjoint(&self.device, &self.buffers, camera, d_features)?)
+        Ok(views.adjoint(&self.device, &self.buffers, rays, d_features)?)
     }
 
     fn weights(&mut self, _: &Camera, _: f32) -> Result<Option<BlendWeights>, TraceError> {

@@ -31,7 +31,7 @@ pub(super) const FILES: &[(&str, &str)] = shaders! {
     "shared/contribution_row" "shared/exp" "shared/features" "shared/gloss_blend" "shared/gradient_row"
     "shared/harmonics" "shared/integrator" "shared/light_list" "shared/lights"
     "shared/path_diffuse" "shared/path_glossy" "shared/pending" "shared/pixel_gloss" "shared/points"
-    "shared/prefix_sum" "shared/random" "shared/ray_search" "shared/sampling" "shared/surface"
+    "shared/prefix_sum" "shared/random" "shared/ray_grid" "shared/ray_search" "shared/sampling" "shared/surface"
     "shared/surfel" "shared/tile_lists" "shared/tile_rect" "shared/view" "shared/workgroup"
 };
 

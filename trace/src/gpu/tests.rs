@@ -292,7 +292,11 @@ fn work_in_parts_gives_the_same() {
             )
             .unwrap();
         let gradients = scene
-            .adjoint(&camera, &view.features.pixels, GradientMask::Everything)
+            .adjoint(
+                &camera.into(),
+                &view.features.pixels,
+                GradientMask::Everything,
+            )
             .unwrap();
         // 38,400 directions about the normal, of which 25,600 fit.
         let receivers: Vec<Receiver> = (0..).zip(cloud.iter()).map(receiver).collect();

@@ -1,4 +1,4 @@
-//! Buffers that depend on the size of cameras, and the loop that grows them.
+//! Buffers that depend on the size of the grid of rays, and the loop that grows them.
 
 use super::adjoint::Adjoint;
 use super::camera::CameraTracer;
@@ -8,17 +8,18 @@ use super::device::Device;
 use super::error::GpuError;
 use super::scene_buffers::SceneBuffers;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
+use crate::camera_rays::CameraRays;
 use crate::features::{Features, GBuffer};
 use eagpt_scene::Camera;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Buffers for cameras of the size last traced.
+/// Buffers for rays on a grid of the size last traced.
 #[derive(Debug, Default)]
 pub(super) struct Views {
     tracer: Option<CameraTracer>,
     adjoint: Option<Adjoint>,
-    /// Capacities that cameras of a size were found to need, as others will, by size.
+    /// Capacities that grids of a size were found to need, as others will, by size.
     capacities: HashMap<(u32, u32), Capacity>,
 }
 
@@ -42,18 +43,19 @@ impl Views {
         }
     }
 
-    /// The tracer for `camera`, made if there is none.
+    /// The tracer for `rays`, made if there is none.
     fn tracer(
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
-        camera: &Camera,
+        rays: &CameraRays,
     ) -> Result<&CameraTracer, GpuError> {
-        let fits = |tracer: &CameraTracer| tracer.bins.fits(camera, scene.num_surfels());
+        let grid = rays.grid();
+        let fits = |tracer: &CameraTracer| tracer.bins.fits(&grid, scene.num_surfels());
         if !self.tracer.as_ref().is_some_and(fits) {
             // The old one's memory goes first.
             self.clear();
-            let size = (camera.width, camera.height);
+            let size = size_of(rays);
             let capacity = self.capacities.entry(size);
             let capacity = capacity.or_insert_with(|| Capacity::usual(size));
             self.tracer = Some(CameraTracer::new(device, scene, size, capacity.entries)?);
@@ -64,19 +66,19 @@ impl Views {
         }
     }
 
-    /// The tracer for `camera` and its adjoint, made if there are none.
+    /// The tracer for `rays` and its adjoint, made if there are none.
     pub(super) fn both(
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
-        camera: &Camera,
+        rays: &CameraRays,
     ) -> Result<(&CameraTracer, &Adjoint), GpuError> {
-        self.tracer(device, scene, camera)?;
-        let size = (camera.width, camera.height);
+        self.tracer(device, scene, rays)?;
+        let size = size_of(rays);
         if let (None, Some(tracer)) = (&self.adjoint, &self.tracer) {
             let capacity = self.capacities.entry(size);
             let capacity = capacity.or_insert_with(|| Capacity::usual(size));
-            *capacity = capacity.within(device, camera.width)?;
+            *capacity = capacity.within(device, size.0)?;
             self.adjoint = Some(Adjoint::new(device, scene, tracer, *capacity)?);
         }
         match (&self.tracer, &self.adjoint) {
@@ -85,10 +87,10 @@ impl Views {
         }
     }
 
-    /// Grows the buffers for cameras of the size of `camera`, if a frame that needs `needed` does
-    /// not fit: they are made anew when next asked for. Returns whether they were too small.
-    pub(super) fn grow(&mut self, camera: &Camera, needed: &Counters) -> bool {
-        let size = (camera.width, camera.height);
+    /// Grows the buffers for grids of the size of that of `rays`, if a frame that needs `needed`
+    /// does not fit: they are made anew when next asked for. Returns whether they were too small.
+    pub(super) fn grow(&mut self, rays: &CameraRays, needed: &Counters) -> bool {
+        let size = size_of(rays);
         let capacity = self.capacities.entry(size);
         let capacity = capacity.or_insert_with(|| Capacity::usual(size));
         if let Some(tracer) = &self.tracer {
@@ -103,52 +105,53 @@ impl Views {
         is_larger
     }
 
-    /// Calls `record` until the buffers for `camera` hold all of it.
+    /// Calls `record` until the buffers for `rays` hold all of it.
     fn retry<T>(
         &mut self,
-        camera: &Camera,
+        rays: &CameraRays,
         mut record: impl FnMut(&mut Self) -> Result<T, Incomplete>,
     ) -> Result<T, GpuError> {
         loop {
             match record(self) {
                 Ok(done) => return Ok(done),
                 Err(Incomplete::Failed(error)) => return Err(error),
-                Err(Incomplete::Overflow(needed)) => self.grow(camera, &needed),
+                Err(Incomplete::Overflow(needed)) => self.grow(rays, &needed),
             };
         }
     }
 
-    /// The tracer for `camera`, with its lists on the device.
+    /// The tracer for `rays`, with its lists on the device.
     pub(super) fn binned(
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
-        camera: &Camera,
+        rays: &CameraRays,
     ) -> Result<&CameraTracer, GpuError> {
-        self.retry(camera, |views| {
-            views.tracer(device, scene, camera)?.bin(device, camera)
+        self.retry(rays, |views| {
+            views.tracer(device, scene, rays)?.bin(device, rays)
         })?;
-        self.tracer(device, scene, camera)
+        self.tracer(device, scene, rays)
     }
 
-    /// Composited features of one ray through every pixel centre, read back.
+    /// Composited features of the pixels that `rays` make, read back.
     pub(super) fn features(
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
-        camera: &Camera,
+        rays: &CameraRays,
     ) -> Result<GBuffer, GpuError> {
-        let mut pixels = Vec::with_capacity(camera.num_pixels());
-        let tracer = self.binned(device, scene, camera)?;
+        let Camera { width, height, .. } = rays.grid();
+        let mut pixels = Vec::new();
+        let tracer = self.binned(device, scene, rays)?;
         tracer.trace(device, |_, features| {
             pixels.extend(features);
             Ok(())
         })?;
-        Ok(GBuffer {
-            width: camera.width,
-            height: camera.height,
+        Ok(rays.means(GBuffer {
+            width,
+            height,
             pixels,
-        })
+        }))
     }
 
     /// See [`crate::Tracer::adjoint`].
@@ -156,12 +159,12 @@ impl Views {
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
-        camera: &Camera,
+        rays: &CameraRays,
         d_features: &[Features],
     ) -> Result<Vec<LocalGradient>, GpuError> {
-        self.retry(camera, |views| {
-            let (tracer, adjoint) = views.both(device, scene, camera)?;
-            adjoint.gradients(device, tracer, camera, d_features)
+        self.retry(rays, |views| {
+            let (tracer, adjoint) = views.both(device, scene, rays)?;
+            adjoint.gradients(device, tracer, rays, d_features)
         })
     }
 
@@ -173,10 +176,11 @@ impl Views {
         camera: &Camera,
         value: PixelValue<'_>,
     ) -> Result<(GBuffer, Vec<Contribution>), GpuError> {
+        let rays = &CameraRays::from(*camera);
         let mut pixels = Vec::with_capacity(camera.num_pixels());
-        let contributions = self.retry(camera, |views| {
-            let (tracer, adjoint) = views.both(device, scene, camera)?;
-            adjoint.contributions(device, tracer, camera, value, &mut pixels)
+        let contributions = self.retry(rays, |views| {
+            let (tracer, adjoint) = views.both(device, scene, rays)?;
+            adjoint.contributions(device, tracer, rays, value, &mut pixels)
         })?;
         let features = GBuffer {
             width: camera.width,
@@ -185,4 +189,10 @@ impl Views {
         };
         Ok((features, contributions))
     }
+}
+
+/// Columns and rows of the grid of `rays`.
+fn size_of(rays: &CameraRays) -> (u32, u32) {
+    let grid = rays.grid();
+    (grid.width, grid.height)
 }

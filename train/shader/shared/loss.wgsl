@@ -1,5 +1,5 @@
 // Buffers of the loss, and what its kernels share; see loss/. Pixels are those of the view, row by
-// row; each is the mean over the same number of rays.
+// row; each is the mean over its rays.
 
 #import training
 #import features
@@ -58,6 +58,11 @@ fn has_flag(pixel: u32, flag: u32) -> bool {
 
 fn is_known(pixel: u32) -> bool {
     return has_flag(pixel, KNOWN);
+}
+
+// Rays along each axis of a pixel, the first of its places on their grid.
+fn rays_per_axis(pixel: u32) -> u32 {
+    return select(1u, loss.rays_per_axis, has_flag(pixel, EDGE));
 }
 
 fn opacity_of_target(pixel: u32) -> f32 {

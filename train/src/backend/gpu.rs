@@ -202,14 +202,15 @@ impl Backend for GpuBackend {
         view: &TrainingView,
         step: &RadianceStep<'_>,
     ) -> Result<Vec<Taken>> {
+        let target = self.target(view)?;
         self.begin(StepTask {
             iteration: step.iteration,
             view: view.clone(),
+            rays: step.rays(view.view.camera, &target.edges),
             sizes: step.sizes,
             loss: StepLoss::Radiance {
                 weights: *step.weights,
                 normals: step.normals,
-                rays_per_axis: step.rays_per_axis,
             },
         })
     }
@@ -223,6 +224,7 @@ impl Backend for GpuBackend {
         self.begin(StepTask {
             iteration: step.iteration,
             view: view.clone(),
+            rays: view.view.camera.into(),
             sizes: step.sizes,
             loss: StepLoss::Albedo {
                 options: step.options.clone(),

@@ -86,7 +86,7 @@ impl IrradianceCache {
             return Ok(Arc::clone(known));
         }
         let camera = &view.view.camera;
-        let features = scene.record(camera)?;
+        let features = scene.record(&(*camera).into())?;
         let weights = scene.weights(camera, LEAST_WEIGHT)?;
         let blended = match (&weights, &mut self.showing) {
             (Some(weights), _) => weights.blend(|i| self.by_light[view.light][i as usize]),

@@ -7,6 +7,7 @@ use crate::options::{AlbedoOptions, LossWeights};
 use crate::params::{BadGradient, ParameterState, StepSizes};
 use crate::points::SeenPoints;
 use eagpt_scene::{Camera, SceneEdit, View};
+use eagpt_trace::CameraRays;
 use eagpt_trace::features::GBuffer;
 use glam::Vec3;
 use std::ops::Range;
@@ -34,10 +35,20 @@ pub struct RadianceStep<'a> {
     pub weights: &'a LossWeights,
     /// Whether the normal terms take part yet.
     pub normals: NormalTerms,
-    /// Rays along each axis of a pixel, at least 1; the loss sees their mean.
-    pub rays_per_axis: u32,
+    /// Whether pixels at edges of the view are means of 2×2 rays; see `Target::edges`.
+    pub antialias: bool,
     /// Step sizes.
     pub sizes: StepSizes,
+}
+
+impl RadianceStep<'_> {
+    /// The rays of `camera` whose view has these edges.
+    pub(crate) fn rays(&self, camera: Camera, edges: &Arc<[bool]>) -> CameraRays {
+        match self.antialias {
+            true => CameraRays::splitting(camera, Arc::clone(edges)),
+            false => camera.into(),
+        }
+    }
 }
 
 /// One iteration of stage 1.

@@ -19,7 +19,6 @@ use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::Features;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
@@ -105,28 +104,24 @@ impl<S: Tracer> Trainer<S> {
         view: &TrainingView,
         step: &RadianceStep<'_>,
     ) -> Result<Taken> {
-        let target = self.target(view).pq();
-        let factor = step.rays_per_axis;
-        let camera = view.view.camera.magnified(factor);
-        let mut features = self.scene.record(&camera)?;
-        if factor > 1 {
-            features = features.averaged(factor);
-        }
+        let target = self.target(view);
+        let camera = view.view.camera;
+        let rays = step.rays(camera, target.edges());
+        let features = self.scene.record(&rays)?;
         let (terms, d_features) = radiance_loss(
             &features,
             &view.view,
-            &target,
+            &target.pq(),
             view.points.as_deref(),
             step.weights,
             step.normals,
         );
-        let d_rays = adjoint_of_mean(d_features, features.width, factor);
         let mask = if step.sizes.move_geometry() {
             GradientMask::Everything
         } else {
             GradientMask::LightAndMaterial
         };
-        let gradients = self.scene.adjoint(&camera, &d_rays, mask)?;
+        let gradients = self.scene.adjoint(&rays, &d_features, mask)?;
         let HostParameters { state, gaussians } = parameters;
         let moved = state.step(gaussians, camera.origin(), &gradients, &step.sizes);
         if moved.is_ok() {
@@ -246,50 +241,5 @@ fn taken(iteration: u32, view: &TrainingView, outcome: StepOutcome) -> Taken {
         iteration,
         view: view.clone(),
         outcome,
-    }
-}
-
-/// Gradient of every ray's features, given those of the means over `factor` × `factor` rays;
-/// `width` is that of the means.
-fn adjoint_of_mean(d_means: Vec<Features>, width: u32, factor: u32) -> Vec<Features> {
-    if factor == 1 {
-        return d_means;
-    }
-    let share = 1.0 / (factor * factor) as f32;
-    let (factor, width) = (factor as usize, width as usize);
-    let fine_width = width * factor;
-    (0..d_means.len() * factor * factor)
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|i| {
-            let (x, y) = (i % fine_width / factor, i / fine_width / factor);
-            Features(d_means[y * width + x].0.map(|d| d * share))
-        })
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use eagpt_trace::features::GBuffer;
-
-    /// ⟨d, mean(x)⟩ = ⟨adjoint(d), x⟩, which defines the adjoint of a linear map.
-    #[test]
-    fn adjoint_of_the_mean_is_its_transpose() {
-        let value = |i: usize| Features([((i * 37 + 11) % 101) as f32 / 101.0; 16]);
-        let (width, height, factor) = (3, 2, 2);
-        let rays = GBuffer {
-            width: width * factor,
-            height: height * factor,
-            pixels: (0..24).map(value).collect(),
-        };
-        let d_means: Vec<Features> = (0..6).map(|i| value(i + 50)).collect();
-        // The lanes of first hit and spread are not means, and have no gradient.
-        let dot = |a: &[Features], b: &[Features]| -> f32 {
-            a.iter().zip(b).map(|(a, b)| a.0[3] * b.0[3]).sum()
-        };
-        let forward = dot(&d_means, &rays.averaged(factor).pixels);
-        let backward = dot(&adjoint_of_mean(d_means, width, factor), &rays.pixels);
-        assert!((forward - backward).abs() < 1e-5, "{forward} {backward}");
     }
 }

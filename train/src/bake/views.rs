@@ -135,7 +135,7 @@ impl Bake<'_> {
                 iteration,
                 weights: &weights,
                 normals: NormalTerms::Off,
-                rays_per_axis: 1,
+                antialias: false,
                 sizes: StepSizes::radiance(&rates, 0.0, progress),
             };
             let mut taken = backend.radiance_step(&view, &step)?;

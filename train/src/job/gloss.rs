@@ -95,7 +95,7 @@ impl RunGloss {
                 emission_threshold: options.albedo.emission_threshold,
                 ..LightOptions::default()
             };
-            let features = scene.record(&view.camera)?;
+            let features = scene.record(&view.camera.into())?;
             let mirrored = scene.mirrored(&view.camera, &features, NUM_SAMPLES, &sampling);
             let mut pixels = Vec::new();
             let mut shares = vec![1.0_f32; mirrored.len()];

@@ -60,11 +60,7 @@ impl Run<'_> {
                         iteration,
                         weights: &stage.weights,
                         normals,
-                        rays_per_axis: if progress < stage.antialias_from {
-                            1
-                        } else {
-                            2
-                        },
+                        antialias: progress >= stage.antialias_from,
                         sizes,
                     },
                 )

@@ -1,8 +1,9 @@
 //! Camera rays: structures and constants that their kernels share with Rust.
 
+use crate::camera_rays::CameraRays;
 use crate::cpu::bins::Projector;
 use crate::gpu::layout::{Layout, layout};
-use eagpt_scene::Camera;
+use bytemuck::Zeroable as _;
 use std::mem::offset_of;
 
 /// Edge of a square tile in pixels: a workgroup has a thread for each pixel, of which there are as
@@ -10,6 +11,14 @@ use std::mem::offset_of;
 pub(in crate::gpu) const TILE: u32 = 8;
 /// Pixels of a tile.
 pub(in crate::gpu) const TILE_PIXELS: u32 = TILE * TILE;
+
+/// Tiles of one dispatch, whose split pixels are in one uniform: a kernel that runs for seconds is
+/// stopped by the driver.
+pub(in crate::gpu) const TILES_PER_DISPATCH: u32 = 4096;
+/// Pixels of 2×2 places of the grid of rays along the edge of a tile.
+const SPLIT_EDGE: u32 = TILE / 2;
+/// Vectors of [`SplitPixels`]: a bit for each pixel.
+const SPLIT_VECTORS: usize = (TILES_PER_DISPATCH * SPLIT_EDGE * SPLIT_EDGE / 128) as usize;
 
 /// Lower bits of a distance that keys leave out: the bound of a distance is lower by at most one
 /// part in 1,024, and a sort takes three passes, not six.
@@ -89,6 +98,10 @@ pub(in crate::gpu) struct View {
     num_surfels: u32,
     /// Inward unit normals of the planes through the origin and the image's edges.
     sides: [[f32; 4]; 4],
+    /// As [`Projector::margin`].
+    margin: f32,
+    padding: u32,
+    more_padding: [u32; 2],
 }
 
 impl View {
@@ -109,12 +122,16 @@ impl View {
             forward: "vec3f",
             num_surfels: "u32",
             sides: "array<vec4f, 4>",
+            margin: "f32",
+            padding: "u32",
+            more_padding: "vec2u",
         })
     }
 
-    pub(in crate::gpu) fn new(camera: &Camera, num_surfels: u32) -> Self {
+    pub(in crate::gpu) fn new(rays: &CameraRays, num_surfels: u32) -> Self {
+        let camera = rays.grid();
         let frame = camera.ray_frame();
-        let projector = Projector::new(camera);
+        let projector = Projector::new(rays);
         Self {
             origin: projector.origin.to_array(),
             width: camera.width,
@@ -131,7 +148,56 @@ impl View {
             forward: projector.forward.to_array(),
             num_surfels,
             sides: projector.sides.map(|side| side.extend(0.0).to_array()),
+            margin: projector.margin,
+            padding: 0,
+            more_padding: [0; 2],
         }
+    }
+}
+
+/// Which pixels of the tiles of a dispatch have a ray at each of their places of the grid; see
+/// [`CameraRays`]. A bit for each, tiles in order, pixels of a tile row by row.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(in crate::gpu) struct SplitPixels {
+    bits: [[u32; 4]; SPLIT_VECTORS],
+}
+
+impl SplitPixels {
+    pub(in crate::gpu) fn layout() -> Layout {
+        layout!(SplitPixels {
+            bits: "array<vec4u, 512>",
+        })
+    }
+
+    /// Those of each dispatch for `rays`. Where no pixel is split, each place of the grid has its
+    /// ray as if all were.
+    pub(in crate::gpu) fn of(rays: &CameraRays) -> Vec<Self> {
+        let grid = rays.grid();
+        let tiles_x = grid.width.div_ceil(TILE);
+        let num_tiles = tiles_x * grid.height.div_ceil(TILE);
+        let num = num_tiles.div_ceil(TILES_PER_DISPATCH) as usize;
+        let Some(split) = rays.split() else {
+            return vec![
+                Self {
+                    bits: [[u32::MAX; 4]; SPLIT_VECTORS]
+                };
+                num
+            ];
+        };
+        let mut all = vec![Self::zeroed(); num];
+        let width = rays.camera().width;
+        for (pixel, _) in split.iter().enumerate().filter(|(_, is_split)| **is_split) {
+            let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+            let tile = y / SPLIT_EDGE * tiles_x + x / SPLIT_EDGE;
+            let within = y % SPLIT_EDGE * SPLIT_EDGE + x % SPLIT_EDGE;
+            let bit = tile % TILES_PER_DISPATCH * SPLIT_EDGE * SPLIT_EDGE + within;
+            let words = all[(tile / TILES_PER_DISPATCH) as usize]
+                .bits
+                .as_flattened_mut();
+            words[(bit / 32) as usize] |= 1 << (bit % 32);
+        }
+        all
     }
 }
 

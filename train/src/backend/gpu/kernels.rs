@@ -43,11 +43,11 @@ fn sources(name: &str) -> Option<Cow<'static, str>> {
 kernels! { sources;
     ENCODE = "loss_color" encode [] {
         0 loss: Uniform LossParameters, 1 rays: Read Features, 2 means: Write Features,
-        4 encoded: Write Encoded,
+        3 targets: Read TargetPixel, 4 encoded: Write Encoded,
     }
     ENCODE_LIT = "loss_color" encode_lit [] {
         0 loss: Uniform LossParameters, 1 rays: Read Features, 2 means: Write Features,
-        4 encoded: Write Encoded, 11 lit: Read [f32; 4],
+        3 targets: Read TargetPixel, 4 encoded: Write Encoded, 11 lit: Read [f32; 4],
     }
     CLIP = "loss_color" clip [] {
         0 loss: Uniform LossParameters, 3 targets: Read TargetPixel, 4 encoded: Write Encoded,
@@ -147,6 +147,7 @@ fn declarations() -> String {
         ("ADD_PER_THREAD", ADD_PER_THREAD),
         ("KNOWN", target::KNOWN),
         ("WINDOW", target::WINDOW),
+        ("EDGE", target::EDGE),
         ("FLAG_BITS", target::FLAG_BITS),
         ("FULL_OPACITY", target::FULL_OPACITY),
     ]

@@ -18,8 +18,8 @@ use eagpt_trace::gpu::{Device, Frame};
 pub(super) struct LossOptions {
     pub(super) weights: LossWeights,
     pub(super) normals: NormalTerms,
-    /// Rays along each axis of a pixel.
-    pub(super) rays_per_axis: u32,
+    /// Whether pixels at edges are means of 2×2 rays.
+    pub(super) antialias: bool,
     /// Of stage 1 the light of the view, by which albedos are compared in place of radiance; see
     /// [`lit_pixels`].
     pub(super) lit: Option<Buffer>,
@@ -37,7 +37,7 @@ fn parameters(camera: &Camera, view: &TargetView, options: &LossOptions) -> Loss
         height: camera.height,
         step_y: frame.step_y.to_array(),
         num_pixels: camera.num_pixels() as u32,
-        rays_per_axis: options.rays_per_axis,
+        rays_per_axis: if options.antialias { 2 } else { 1 },
         has_normals: u32::from(options.normals == NormalTerms::On),
         has_map: view.has_map.into(),
         has_emission: view.has_emission.into(),
@@ -138,11 +138,11 @@ impl LossBuffers {
         // Means over the rays of a pixel, encoded.
         let encode = match &options.lit {
             None => {
-                let buffers = [parameters, rays, means, encoded];
+                let buffers = [parameters, rays, means, targets, encoded];
                 device.pass(&kernels::ENCODE, &buffers, each_pixel)
             }
             Some(lit) => {
-                let buffers = [parameters, rays, means, encoded, lit];
+                let buffers = [parameters, rays, means, targets, encoded, lit];
                 device.pass(&kernels::ENCODE_LIT, &buffers, each_pixel)
             }
         };

@@ -13,14 +13,15 @@ use super::task::{PendingStep, StepLoss, StepTask};
 use super::{GpuBackend, Parameters, resident};
 use crate::backend::step::{AlbedoStep, Backend as _, RadianceStep, Taken};
 use crate::error::Result;
-use eagpt_scene::Camera;
+use eagpt_trace::CameraRays;
 use eagpt_trace::gpu::{Counters, Frame};
 
 /// Steps that may be queued when the next one has been submitted.
 const MOST_AHEAD: usize = 3;
 
-fn size(camera: &Camera) -> (u32, u32) {
-    (camera.width, camera.height)
+fn size(rays: &CameraRays) -> (u32, u32) {
+    let grid = rays.grid();
+    (grid.width, grid.height)
 }
 
 impl GpuBackend {
@@ -28,7 +29,7 @@ impl GpuBackend {
     pub(super) fn begin(&mut self, task: StepTask) -> Result<Vec<Taken>> {
         // Buffers are those of one size of cameras.
         if let Some(first) = self.under_way.front()
-            && size(&first.task.rays()) != size(&task.rays())
+            && size(&first.task.rays) != size(&task.rays)
         {
             self.catch_up(0)?;
         }
@@ -81,7 +82,7 @@ impl GpuBackend {
             }
         }
         if let Some((first, _)) = steps.first() {
-            self.trainer.scene.grow(&first.rays(), needed);
+            self.trainer.scene.grow(&first.rays, needed);
         }
         for (task, _) in steps {
             self.submit_or_take(task)?;
@@ -93,22 +94,17 @@ impl GpuBackend {
     /// in the light of its view.
     fn submit_or_take(&mut self, task: StepTask) -> Result<()> {
         self.show_light(task.view.light)?;
-        let rays = task.rays();
-        if let Some(frame) = self.trainer.scene.frame(&rays)? {
-            return self.submit(task, &rays, &frame);
+        if let Some(frame) = self.trainer.scene.frame(&task.rays)? {
+            return self.submit(task, &frame);
         }
         let (trainer, parameters) = self.host()?;
         let taken = match &task.loss {
-            StepLoss::Radiance {
-                weights,
-                normals,
-                rays_per_axis,
-            } => {
+            StepLoss::Radiance { weights, normals } => {
                 let step = RadianceStep {
                     iteration: task.iteration,
                     weights,
                     normals: *normals,
-                    rays_per_axis: *rays_per_axis,
+                    antialias: task.rays.split().is_some(),
                     sizes: task.sizes,
                 };
                 trainer.radiance_step(parameters, &task.view, &step)?
@@ -135,7 +131,7 @@ impl GpuBackend {
 
     /// Records a step from top to bottom, for a `frame` that holds all of its `rays`: forward,
     /// loss, adjoint, optimiser. Nothing waits; kernels move nothing once a step has failed.
-    fn submit(&mut self, task: StepTask, rays: &Camera, frame: &Frame) -> Result<()> {
+    fn submit(&mut self, task: StepTask, frame: &Frame) -> Result<()> {
         let camera = task.view.view.camera;
         let target = self.target(&task.view)?;
         let options = task.loss_options();
@@ -154,13 +150,13 @@ impl GpuBackend {
         resident.begin();
         // Gaussians to lists of tiles, features of every ray, and a record of the blended hits.
         let mut commands = device.commands();
-        scene.forward(rays, &mut commands)?;
+        scene.forward(&task.rays, &mut commands)?;
         // Features to the terms of the loss, and to its derivatives by them.
         let compared = (&camera, &target);
         let of_loss = loss.passes(device, compared, &options, (frame, resident.report()));
         device.record(&of_loss, &mut commands);
         // Derivatives by features to gradients of every Gaussian.
-        scene.backward(rays, &mut commands)?;
+        scene.backward(&task.rays, &mut commands)?;
         // Gradients by the raw parameters; Adam moves these, and the Gaussians with them.
         let seen = (frame, camera.origin());
         device.record(&resident.passes(scene, seen, &task.sizes), &mut commands);

@@ -13,6 +13,7 @@ pub(super) struct LossParameters {
     pub(super) height: u32,
     pub(super) step_y: [f32; 3],
     pub(super) num_pixels: u32,
+    /// Of a pixel at an edge; others have one ray.
     pub(super) rays_per_axis: u32,
     pub(super) has_normals: u32,
     pub(super) has_map: u32,

@@ -8,13 +8,16 @@ use eagpt_eval::Windows;
 use eagpt_scene::Image;
 use eagpt_trace::gpu::Device;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, layout};
+use std::sync::Arc;
 
 /// A pixel that is known.
 pub(super) const KNOWN: u32 = 1;
 /// A pixel whose window of SSIM touches nothing unknown.
 pub(super) const WINDOW: u32 = 2;
+/// A pixel at an edge; see [`Target::edges`].
+pub(super) const EDGE: u32 = 4;
 /// Bits of flags in front of the opacity.
-pub(super) const FLAG_BITS: u32 = 2;
+pub(super) const FLAG_BITS: u32 = 3;
 /// The opacity that stands for 1.
 pub(super) const FULL_OPACITY: u32 = (1 << (16 - FLAG_BITS)) - 1;
 
@@ -28,7 +31,7 @@ pub(super) struct TargetPixel {
     blue_emission: u32,
     /// Signed; all zero where there is none.
     normal_xy: u32,
-    /// In the upper half [`KNOWN`] and [`WINDOW`], and over them the opacity, 0 to
+    /// In the upper half [`KNOWN`], [`WINDOW`] and [`EDGE`], and over them the opacity, 0 to
     /// [`FULL_OPACITY`].
     normal_z_flags: u32,
     /// Distance of the point of the cloud there, 0 where there is none.
@@ -67,6 +70,8 @@ fn pair(low: u32, high: u32) -> u32 {
 pub(super) struct TargetView {
     /// [`TargetPixel`] of every pixel, row by row.
     pub(super) pixels: Buffer,
+    /// See [`Target::edges`].
+    pub(super) edges: Arc<[bool]>,
     /// Pixels that are known.
     pub(super) num_known: usize,
     /// Windows of SSIM that count.
@@ -97,7 +102,10 @@ impl TargetView {
         let pixel = |i: usize| {
             let is_known = known.as_ref().is_none_or(|known| known.has(i));
             let counts = windows.as_ref().is_none_or(|windows| windows.has(i));
-            let flags = (KNOWN * u32::from(is_known)) | (WINDOW * u32::from(counts));
+            let is_edge = target.edges()[i];
+            let flags = (KNOWN * u32::from(is_known))
+                | (WINDOW * u32::from(counts))
+                | (EDGE * u32::from(is_edge));
             let opacity = unsigned(single(&view.alpha, i).unwrap_or(1.0), FULL_OPACITY);
             let emission = single(&view.emission, i).unwrap_or(0.0);
             let pq = target.pixels()[i].map(u32::from);
@@ -125,6 +133,7 @@ impl TargetView {
         }
         Ok(Self {
             pixels: device.upload("view", bytemuck::cast_slice(&pixels))?,
+            edges: Arc::clone(target.edges()),
             num_known: known.as_ref().map_or(num_pixels, KnownPixels::num),
             num_windows: windows.as_ref().map_or(num_pixels, Windows::num),
             num_points: points.len(),

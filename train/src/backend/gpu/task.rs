@@ -7,7 +7,7 @@ use crate::backend::step::TrainingView;
 use crate::loss::NormalTerms;
 use crate::options::{AlbedoOptions, LossWeights};
 use crate::params::StepSizes;
-use eagpt_scene::Camera;
+use eagpt_trace::CameraRays;
 use eagpt_trace::gpu::kernel::Buffer;
 use eagpt_trace::gpu::{Capacity, Reading};
 
@@ -16,6 +16,7 @@ use eagpt_trace::gpu::{Capacity, Reading};
 pub(super) struct StepTask {
     pub(super) iteration: u32,
     pub(super) view: TrainingView,
+    pub(super) rays: CameraRays,
     pub(super) sizes: StepSizes,
     pub(super) loss: StepLoss,
 }
@@ -27,7 +28,6 @@ pub(super) enum StepLoss {
     Radiance {
         weights: LossWeights,
         normals: NormalTerms,
-        rays_per_axis: u32,
     },
     /// Stage 1, under light that is known.
     Albedo {
@@ -39,25 +39,12 @@ pub(super) enum StepLoss {
 }
 
 impl StepTask {
-    /// The camera with all rays of the step.
-    pub(super) fn rays(&self) -> Camera {
-        let camera = &self.view.view.camera;
-        match self.loss {
-            StepLoss::Radiance { rays_per_axis, .. } => camera.magnified(rays_per_axis),
-            StepLoss::Albedo { .. } => *camera,
-        }
-    }
-
     pub(super) fn loss_options(&self) -> LossOptions {
         match &self.loss {
-            StepLoss::Radiance {
-                weights,
-                normals,
-                rays_per_axis,
-            } => LossOptions {
+            StepLoss::Radiance { weights, normals } => LossOptions {
                 weights: *weights,
                 normals: *normals,
-                rays_per_axis: *rays_per_axis,
+                antialias: self.rays.split().is_some(),
                 lit: None,
             },
             StepLoss::Albedo {
@@ -73,7 +60,7 @@ impl StepTask {
                     depth: 0.0,
                 },
                 normals: NormalTerms::Off,
-                rays_per_axis: 1,
+                antialias: false,
                 lit: Some(lit.clone()),
             },
         }

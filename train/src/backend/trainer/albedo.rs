@@ -10,10 +10,10 @@ use crate::options::Gather;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
-use eagpt_trace::Tracer;
 use eagpt_trace::blend::{GradientMask, LocalGradient, grad_lane};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::{Features, lane};
+use eagpt_trace::{CameraRays, Tracer};
 use glam::{Vec3, Vec4};
 use std::ops::Range;
 use std::sync::Arc;
@@ -135,6 +135,7 @@ impl<S: Tracer> Trainer<S> {
         };
         let threshold = step.options.emission_threshold;
         let camera = &view.view.camera;
+        let rays = CameraRays::from(*camera);
         let gaussians = &parameters.gaussians;
         let (features, cached) = match step.options.gather {
             Gather::Gaussians => {
@@ -156,10 +157,10 @@ impl<S: Tracer> Trainer<S> {
                     };
                     return Ok((terms, d_albedos.into_iter().map(gradient).collect()));
                 }
-                (self.scene.record(camera)?, cached)
+                (self.scene.record(&rays)?, cached)
             }
             Gather::Pixels => {
-                let features = self.scene.record(camera)?;
+                let features = self.scene.record(&rays)?;
                 let key = RandomKey::new(step.seed, Purpose::Albedo, step.iteration);
                 let scene = (self.pixel_gathering).get_or_insert_with(|| CpuScene::new(gaussians));
                 let num_samples = step.options.num_samples;
@@ -178,7 +179,7 @@ impl<S: Tracer> Trainer<S> {
         };
         let d_features: Vec<Features> = d_pixels.iter().map(of_albedo).collect();
         let mask = GradientMask::LightAndMaterial;
-        Ok((terms, self.scene.adjoint(camera, &d_features, mask)?))
+        Ok((terms, self.scene.adjoint(&rays, &d_features, mask)?))
     }
 }
 

@@ -113,7 +113,7 @@ fn check_steps(
     let mut gpu = ResidentState::new(device, &cpu, &fit).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
     let eye = camera.origin();
-    let frame = fit.frame(&camera).unwrap().unwrap();
+    let frame = fit.frame(&camera.into()).unwrap().unwrap();
     let harmonics = HarmonicsOptions {
         degree: 1,
         from: 0.0,
@@ -126,7 +126,7 @@ fn check_steps(
         cpu.write_gaussians(&mut gaussians);
         gpu.show_light(light, &fit).unwrap();
         let mut commands = device.commands();
-        fit.forward(&camera, &mut commands).unwrap();
+        fit.forward(&camera.into(), &mut commands).unwrap();
         device.submit(commands).unwrap();
         let gradients: Vec<LocalGradient> = (0..cpu.len())
             .map(|i| {
@@ -222,7 +222,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
     let fit = GpuScene::new(&device, &before.gaussians()).unwrap();
     let state = ResidentState::new(&device, &before, &fit).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
-    let frame = fit.frame(&camera).unwrap().unwrap();
+    let frame = fit.frame(&camera.into()).unwrap().unwrap();
     let mut lanes = vec![[1.0_f32; NUM_LANES]; before.len()];
     lanes[66][12] = f32::NAN;
     lanes[67][0] = f32::INFINITY;

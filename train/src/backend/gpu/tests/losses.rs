@@ -117,7 +117,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         let options = LossOptions {
             weights,
             normals,
-            rays_per_axis: 1,
+            antialias: false,
             lit: None,
         };
         let (terms, d) = compared(
@@ -192,7 +192,7 @@ fn compare_albedos(device: &Device, is_clipped: bool) {
     let options = LossOptions {
         weights,
         normals: NormalTerms::Off,
-        rays_per_axis: 1,
+        antialias: false,
         lit: Some(lit),
     };
     let (terms, d) = compared(

@@ -24,26 +24,26 @@ fn buffers_grow_to_what_is_needed_and_stay() {
     let cloud = random_cloud(400, 4);
     let mut fit = GpuScene::new(&device, &cloud).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 37, 29);
-    let small = fit.frame(&camera).unwrap().unwrap();
+    let small = fit.frame(&camera.into()).unwrap().unwrap();
     let more = Counters {
         entries: small.capacity.entries + 1,
         ..Counters::default()
     };
-    assert!(fit.grow(&camera, &more));
-    let entries = fit.frame(&camera).unwrap().unwrap();
+    assert!(fit.grow(&camera.into(), &more));
+    let entries = fit.frame(&camera.into()).unwrap().unwrap();
     assert!(entries.capacity.entries > small.capacity.entries && entries != small);
     let more = Counters {
         chunks: entries.capacity.chunks + 1,
         ..Counters::default()
     };
-    assert!(fit.grow(&camera, &more));
-    let chunks = fit.frame(&camera).unwrap().unwrap();
+    assert!(fit.grow(&camera.into(), &more));
+    let chunks = fit.frame(&camera.into()).unwrap().unwrap();
     assert!(chunks.capacity.chunks > entries.capacity.chunks);
-    assert!(!fit.grow(&camera, &all_of(&chunks.capacity)));
-    assert_eq!(fit.frame(&camera).unwrap().unwrap(), chunks);
+    assert!(!fit.grow(&camera.into(), &all_of(&chunks.capacity)));
+    assert_eq!(fit.frame(&camera.into()).unwrap().unwrap(), chunks);
     // They stay so when the number of Gaussians changes.
     fit.update(&random_cloud(401, 4)).unwrap();
-    let later = fit.frame(&camera).unwrap().unwrap();
+    let later = fit.frame(&camera.into()).unwrap().unwrap();
     assert!(later != chunks && later.capacity.holds(&all_of(&chunks.capacity)));
 }
 
@@ -119,7 +119,7 @@ fn check_steps_at_once(device: &Arc<Device>, num_lights: usize) {
                 weights: &weights,
                 normals: NormalTerms::Off,
                 // Buffers of another size in the end.
-                rays_per_axis: 1 + iteration / 6,
+                antialias: iteration >= 6,
                 sizes: StepSizes::radiance(&rates, 2.0, 0.1).with_harmonics(&harmonics, 0.9),
             };
             taken.extend(backend.radiance_step(&view, &step).unwrap());
@@ -177,7 +177,7 @@ fn an_edited_scene_goes_on() {
             iteration,
             weights: &weights,
             normals: NormalTerms::Off,
-            rays_per_axis: 1,
+            antialias: false,
             sizes: StepSizes::radiance(&rates, 2.0, 0.1),
         };
         let mut taken = backend.radiance_step(&view, &step).unwrap();
@@ -215,6 +215,6 @@ fn an_edited_scene_goes_on() {
 }
 
 fn capacity(backend: &GpuBackend, camera: &Camera) -> Capacity {
-    let frame = backend.trainer.scene.frame(camera).unwrap();
+    let frame = backend.trainer.scene.frame(&(*camera).into()).unwrap();
     frame.unwrap().capacity
 }
