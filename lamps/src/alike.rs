@@ -15,7 +15,7 @@ use std::f32::consts::FRAC_PI_2;
 
 /// Lamps of one make are at most this many times as long as each other by their own fits, …
 const LONGER: f32 = 2.0;
-/// … and have at most this many times the area.
+/// … and look at most this many times as large.
 const LARGER: f32 = 4.0;
 
 /// A lamp that may be of one make with others.
@@ -51,7 +51,7 @@ pub(crate) fn share_shapes(evidence: &Evidence, found: &mut [Candidate]) {
 fn are_alike(a: &Candidate, b: &Candidate) -> bool {
     let within = |a: f32, b: f32, most: f32| a <= most * b && b <= most * a;
     let longest = |c: &Candidate| c.fit.shape.size().max_element();
-    let area = |c: &Candidate| c.fit.shape.area();
+    let area = |c: &Candidate| c.fit.shape.mean_projection();
     !a.group.is_unlike(&b.group)
         && within(longest(a), longest(b), LONGER)
         && within(area(a), area(b), LARGER)
@@ -99,14 +99,21 @@ impl<'a> Member<'a> {
         })
     }
 
-    /// Its fit with the form and the size of `model`, which has less freedom, and the evidence
-    /// against that over the most that there may be: at most 1, or there is none.
+    /// Its fit with the form and the size of `model`, which has less freedom, and a ball, which looks
+    /// the same from everywhere, less than that in place of another shape; and the evidence against
+    /// that over the most that there may be: at most 1, or there is none.
     fn placed(&self, model: &Shape) -> Option<(Fit, f32)> {
         let places = starts(model, &self.own).into_iter();
         let (shape, against) = places
             .map(|start| best_place(&start, |shape| self.against(shape)))
             .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let share = against * self.criterion.better / self.against_own;
+        let is_ball = |shape: &Shape| matches!(shape, Shape::Ball { .. });
+        let freedom = if is_ball(model) && !is_ball(&self.own) {
+            2
+        } else {
+            1
+        };
+        let share = against * self.criterion.better.powi(freedom) / self.against_own;
         (share <= 1.0).then(|| (Fit::new(shape, &self.patches, Gaps::Seen), share))
     }
 }

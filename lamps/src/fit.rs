@@ -35,8 +35,10 @@ const SHARE_INSIDE: f32 = 0.4;
 /// Residual of a fit beyond which a lamp is left as it was trained, if a view shows it large,
 /// or smaller.
 const MAX_RESIDUAL: [f32; 2] = [0.06, 0.45];
-/// Residual up to which a lamp needs no box to explain it, and a large one no bars.
+/// Residual up to which a lamp needs no box to explain it, and a large one no bars, …
 const PERFECT: f32 = 0.015;
+/// … and beyond which it may be a box though it shows no edges.
+const POOR: f32 = 0.2;
 
 impl Fit {
     /// Whether the shape explains what the views show of a lamp of `group`.
@@ -101,7 +103,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     // A thin lamp that looks flat, or lights what is behind it, may be a bar.
     let is_flat = best.fit.shape.flat().is_some();
     let is_tilted = is_flat && !best.is_upright;
-    let may_have_edges = is_flat || shows_edges;
+    let may_have_edges = is_flat || shows_edges || best.fit.residual > POOR;
     let is_bar = is_tilted || beside.is_some_and(|beside| beside.is_lit);
     if is_bar || (best.fit.residual > PERFECT && may_have_edges) {
         let found: Vec<Shape> = fits.iter().map(|found| found.fit.shape).collect();

@@ -185,6 +185,13 @@ impl Shape {
         }
     }
 
+    /// Mean area of the projections in directions from which it shines, scene units²: a quarter of
+    /// the surface of a convex body (Cauchy 1841), half of a flat shape.
+    pub fn mean_projection(&self) -> f32 {
+        let share = if self.flat().is_some() { 0.5 } else { 0.25 };
+        share * self.area()
+    }
+
     /// Smallest whole length that is not 0, scene units.
     pub fn thinnest(&self) -> f32 {
         let size = self.size();

@@ -188,6 +188,34 @@ fn a_tube_lights_the_wall_that_it_hangs_before() {
     check_found(&lamps, found, 0.25);
 }
 
+/// Two flames one behind the other in the view that shows them largest, apart in others.
+#[test]
+fn lamps_that_some_views_show_apart_are_two() {
+    let flame = |x: f32, length: f32| {
+        let shape = Shape::Tube {
+            centre: Vec3::new(x, 0.6, 1.0 + 0.5 * length),
+            rotation: Quat::IDENTITY,
+            radius: 0.035,
+            length,
+            taper: -0.4,
+        };
+        (shape, Vec3::new(70.0, 30.0, 7.0))
+    };
+    let lamps = [flame(-0.13, 0.6), flame(0.13, 0.45)];
+    let eyes = [
+        [1.1, 0.5, 1.2],
+        [-0.5, -1.3, 1.3],
+        [0.0, -1.4, 1.4],
+        [0.5, -1.2, 1.3],
+    ];
+    let views = eyes.map(|eye: [f64; 3]| {
+        let eye = DVec3::from(eye);
+        let ahead = (DVec3::new(0.0, 0.6, 1.25) - eye).normalize();
+        Camera::centred([120, 80], 1.3, Camera::level_pose(eye, ahead))
+    });
+    check_found(&lamps, found_by(&views, &lamps, &lamps), 0.15);
+}
+
 /// A bar that views show few pixels thick, and from one side alone, at `y`.
 fn thin_bar(depth: f32, height: f32, y: f32) -> (Shape, Vec3) {
     let shape = Shape::Box {

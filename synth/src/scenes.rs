@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 23] = [
+pub const SCENES: [EmbeddedScene; 25] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -127,6 +127,16 @@ pub const SCENES: [EmbeddedScene; 23] = [
         name: "workshop",
         about: "a wall of glass, a ring, troffers, screens, and light of hidden bulbs; each alone, too",
         toml: include_str!("../scenes/workshop.toml"),
+    },
+    EmbeddedScene {
+        name: "parlour",
+        about: "three flames in a hearth, a lantern, a tree of tiny bulbs, two screens; each alone, too",
+        toml: include_str!("../scenes/parlour.toml"),
+    },
+    EmbeddedScene {
+        name: "washroom",
+        about: "a frame of bars, a mirror between bulbs, strips in a corner, a sconce; each alone, too",
+        toml: include_str!("../scenes/washroom.toml"),
     },
 ];
 

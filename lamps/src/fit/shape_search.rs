@@ -29,8 +29,8 @@ const OFF_PIXELS: f32 = 2.0;
 const AWAY: f32 = 0.5;
 /// Residuals below this are alike.
 pub(crate) const MIN_RESIDUAL: f32 = 0.002;
-/// Residual from which on a shape is no better than none, though views may agree on its flux.
-const NOTHING: f32 = 0.9;
+/// Residual from which on a shape explains little, though views may agree on its flux.
+const LITTLE: f32 = 0.6;
 /// Thickness of a box that is flat, in its narrower other side.
 const FLAT: f32 = 0.1;
 /// Steps of a descent from every start; evaluations of a search from the best of where they end,
@@ -81,8 +81,8 @@ pub(crate) struct Scored {
 impl Scored {
     /// The better ones first.
     pub(crate) fn order(&self, other: &Self) -> Ordering {
-        let explains_nothing = |scored: &Self| scored.fit.residual > NOTHING;
-        let apart = explains_nothing(self).cmp(&explains_nothing(other));
+        let explains_little = |scored: &Self| scored.fit.residual > LITTLE;
+        let apart = explains_little(self).cmp(&explains_little(other));
         apart.then(self.score.total_cmp(&other.score))
     }
 }

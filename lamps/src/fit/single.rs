@@ -85,8 +85,7 @@ pub(crate) fn of_make(
         best_of(fits)
     });
     let free = models.iter().flat_map(|model| {
-        // A convex body shows a quarter of its surface in the mean over directions.
-        let distance = (0.25 * model.area() / solid_angle).sqrt();
+        let distance = (model.mean_projection() / solid_angle).sqrt();
         FARTHER.map(|farther| (model, farther * distance))
     });
     let free = free.map(|(model, distance)| {

@@ -112,3 +112,31 @@ fn as_many_rays_meet_a_shape_as_its_area_says() {
         );
     }
 }
+
+/// A disc looks as large as the ball of its radius from where it faces, and half as large in the
+/// mean; what is convex, a quarter of its surface.
+#[test]
+fn mean_projections_are_those_of_closed_forms() {
+    let disc = Flat {
+        centre: Vec3::ZERO,
+        rotation: Quat::IDENTITY,
+        size: [0.6; 2],
+    };
+    let ball = Shape::Ball {
+        centre: Vec3::ZERO,
+        radius: 0.3,
+    };
+    let cube = Shape::Box {
+        centre: Vec3::ZERO,
+        rotation: Quat::IDENTITY,
+        size: Vec3::splat(0.2),
+    };
+    let circle = PI * 0.09;
+    for (shape, wanted) in [
+        (Shape::Ellipse(disc), 0.5 * circle),
+        (ball, circle),
+        (cube, 1.5 * 0.04),
+    ] {
+        assert!((shape.mean_projection() / wanted - 1.0).abs() < 1e-6);
+    }
+}
