@@ -128,6 +128,24 @@ impl Group {
         self.by_view().map(of_view)
     }
 
+    /// Its pixels in each region of the view that shows it in most regions of enough pixels, if
+    /// these are several; of two such views in that with more pixels.
+    pub(crate) fn in_most_regions(&self, evidence: &Evidence) -> Option<Vec<Self>> {
+        let of_view = |view: Self| -> Vec<Self> {
+            let members = view.members.iter();
+            let of = members.map(|member| evidence.pixel(member).1.region as usize);
+            let of: Vec<usize> = of.collect();
+            let num = of.iter().max().map_or(0, |last| last + 1);
+            let mut regions = view.divided(&of, num);
+            regions.retain(Self::is_enough);
+            regions
+        };
+        let num_pixels = |regions: &[Self]| regions.iter().map(|r| r.members.len()).sum::<usize>();
+        let views = self.views_apart().map(of_view);
+        let most = views.max_by_key(|regions| (regions.len(), num_pixels(regions)));
+        most.filter(|regions| regions.len() > 1)
+    }
+
     /// Takes in the pixels of another part of the lamp.
     pub(crate) fn join(&mut self, other: Self) {
         self.members.extend(other.members);

@@ -86,7 +86,7 @@ fn shown_apart(
     }
     let (centre, size) = extent(&points(evidence, group))?;
     let seen = patches(evidence, group, centre, size);
-    let regions = most_regions(evidence, group)?;
+    let regions = group.in_most_regions(evidence)?;
     let balls = regions.iter().map(|region| {
         let points = points(evidence, region).into_iter();
         ball(&points.map(|point| point.position).collect::<Vec<_>>())
@@ -102,26 +102,6 @@ fn shown_apart(
     let of_whole = residual_of(&[whole.shape], &seen);
     let is_better = residual + MIN_RESIDUAL < BETTER * (of_whole + MIN_RESIDUAL);
     is_better.then(|| shared_out(evidence, group, shapes, residual))
-}
-
-/// The pixels of a group in each region of the view that shows it in most regions of enough pixels,
-/// if these are several; of two such views in that with more pixels.
-fn most_regions(evidence: &Evidence, group: &Group) -> Option<Vec<Group>> {
-    let of_view = |view: Group| -> Vec<Group> {
-        let of = view.members.iter().map(|member| {
-            let region = evidence.pixel(member).1.region;
-            region as usize
-        });
-        let of: Vec<usize> = of.collect();
-        let num = of.iter().max().map_or(0, |last| last + 1);
-        let mut regions = view.divided(&of, num);
-        regions.retain(Group::is_enough);
-        regions
-    };
-    let views = group.views_apart().map(of_view);
-    let num_pixels = |regions: &[Group]| regions.iter().map(|r| r.members.len()).sum::<usize>();
-    let most = views.max_by_key(|regions| (regions.len(), num_pixels(regions)));
-    most.filter(|regions| regions.len() > 1)
 }
 
 /// Balls in place of a lamp, if they explain its silhouettes much better, and other shapes in place
