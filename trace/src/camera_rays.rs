@@ -6,9 +6,6 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Rays along each axis of a pixel that is split.
-const RAYS_PER_AXIS: u32 = 2;
-
 /// The rays of a camera: one through the centre of every pixel, or of some pixels 2×2, whose mean
 /// the pixel is.
 ///
@@ -32,6 +29,9 @@ impl From<Camera> for CameraRays {
 }
 
 impl CameraRays {
+    /// Rays along each axis of a pixel that is split.
+    pub const RAYS_PER_AXIS: u32 = 2;
+
     /// 2×2 rays in the pixels that `split` holds for, row by row, and one through the centre of
     /// every other.
     ///
@@ -59,8 +59,14 @@ impl CameraRays {
     pub fn grid(&self) -> Camera {
         match self.split {
             None => self.camera,
-            Some(_) => self.camera.magnified(RAYS_PER_AXIS),
+            Some(_) => self.camera.magnified(Self::RAYS_PER_AXIS),
         }
+    }
+
+    /// Columns and rows of the grid.
+    pub fn grid_size(&self) -> (u32, u32) {
+        let grid = self.grid();
+        (grid.width, grid.height)
     }
 
     /// How far right of the left edge of a place of the grid, and below its upper edge, its ray
@@ -69,12 +75,13 @@ impl CameraRays {
         let Some(split) = &self.split else {
             return Some(0.5);
         };
-        let (column, row) = (x / RAYS_PER_AXIS, y / RAYS_PER_AXIS);
+        let (column, row) = (x / Self::RAYS_PER_AXIS, y / Self::RAYS_PER_AXIS);
         if split[(row * self.camera.width + column) as usize] {
             return Some(0.5);
         }
-        let is_first = x.is_multiple_of(RAYS_PER_AXIS) && y.is_multiple_of(RAYS_PER_AXIS);
-        is_first.then_some(RAYS_PER_AXIS as f32 / 2.0)
+        let is_first =
+            x.is_multiple_of(Self::RAYS_PER_AXIS) && y.is_multiple_of(Self::RAYS_PER_AXIS);
+        is_first.then_some(Self::RAYS_PER_AXIS as f32 / 2.0)
     }
 
     /// How far from the middles of their places rays pass at most, along each axis, in places.
@@ -95,8 +102,8 @@ impl CameraRays {
         let pixels = pixels.map(|(pixel, is_split)| {
             let (x, y) = (pixel as u32 % width, pixel as u32 / width);
             match is_split {
-                true => rays.mean_of_square(x, y, RAYS_PER_AXIS),
-                false => rays.pixels[(RAYS_PER_AXIS * (y * rays.width + x)) as usize],
+                true => rays.mean_of_square(x, y, Self::RAYS_PER_AXIS),
+                false => rays.pixels[(Self::RAYS_PER_AXIS * (y * rays.width + x)) as usize],
             }
         });
         GBuffer {
@@ -113,13 +120,13 @@ impl CameraRays {
             return Cow::Borrowed(d_pixels);
         };
         let grid = self.grid();
-        let share = 1.0 / (RAYS_PER_AXIS * RAYS_PER_AXIS) as f32;
+        let share = 1.0 / (Self::RAYS_PER_AXIS * Self::RAYS_PER_AXIS) as f32;
         let d_places = (0..grid.num_pixels())
             .into_par_iter()
             .with_min_len(1024)
             .map(|place| {
                 let (x, y) = (place as u32 % grid.width, place as u32 / grid.width);
-                let pixel = y / RAYS_PER_AXIS * self.camera.width + x / RAYS_PER_AXIS;
+                let pixel = y / Self::RAYS_PER_AXIS * self.camera.width + x / Self::RAYS_PER_AXIS;
                 let d_pixel = &d_pixels[pixel as usize];
                 match (self.offset(x, y), split[pixel as usize]) {
                     (None, _) => Features::default(),

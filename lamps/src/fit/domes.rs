@@ -28,7 +28,7 @@ pub(crate) fn fit(
     patches: &[Patch],
     residual: f32,
 ) -> Option<Fit> {
-    // What explains less is a ball in a shade, if it is one at all.
+    // A fit that explains less is that of a ball in a shade, if of one at all.
     if residual > EXPLAINED {
         return None;
     }

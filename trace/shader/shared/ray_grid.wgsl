@@ -10,11 +10,11 @@
 // has none.
 fn ray_offset(tile: u32, thread: u32) -> f32 {
     let place = vec2u(thread % TILE, thread / TILE);
-    let within = place.y / 2u * (TILE / 2u) + place.x / 2u;
-    let bit = tile % TILES_PER_DISPATCH * (TILE_PIXELS / 4u) + within;
+    let within = place.y / RAYS_PER_AXIS * SPLIT_EDGE + place.x / RAYS_PER_AXIS;
+    let bit = tile % TILES_PER_DISPATCH * (SPLIT_EDGE * SPLIT_EDGE) + within;
     let word = split.bits[bit / 128u][bit / 32u % 4u];
     if ((word >> (bit % 32u)) & 1u) != 0u {
         return 0.5;
     }
-    return select(0.0, 1.0, all(place % 2u == vec2u()));
+    return select(0.0, f32(RAYS_PER_AXIS) / 2.0, all(place % RAYS_PER_AXIS == vec2u()));
 }

@@ -71,8 +71,8 @@ thread_local! {
 
 impl CameraRecord {
     /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced),
-    /// given `d_features` = dL/dV for every pixel that the rays make, row by row. Gaussians that no ray met get zeros.
-    /// The spread, size and first-hit lanes are not differentiated.
+    /// given `d_features` = dL/dV for every pixel that the rays make, row by row. Gaussians that no
+    /// ray met get zeros. The spread, size and first-hit lanes are not differentiated.
     pub fn adjoint(
         &mut self,
         set: &SurfelSet,

@@ -13,7 +13,6 @@ use super::scene_buffers::SceneBuffers;
 use super::sort::Sorter;
 use crate::camera_rays::CameraRays;
 use bytemuck::Zeroable as _;
-use eagpt_scene::Camera;
 use std::mem::offset_of;
 
 /// Pixels that a side of an image may have: kernels count pixels in 32 bits, and columns and rows
@@ -116,9 +115,9 @@ impl BinBuffers {
         self.by_distance.sorted().1
     }
 
-    /// True for rays on a grid of the size of `grid` and this many Gaussians.
-    pub(super) fn fits(&self, grid: &Camera, num_surfels: u32) -> bool {
-        self.size == (grid.width, grid.height) && self.num_surfels == num_surfels
+    /// True for grids of the size of that of `rays` and this many Gaussians.
+    pub(super) fn fits(&self, rays: &CameraRays, num_surfels: u32) -> bool {
+        self.size == rays.grid_size() && self.num_surfels == num_surfels
     }
 
     /// Prepares the buffers for other `rays`.

@@ -9,6 +9,7 @@ pub(super) mod sort;
 use super::bvh;
 use super::layout::{Layout, layout, write_line};
 use crate::blend::Contribution;
+use crate::camera_rays::CameraRays;
 use crate::cpu::realizations::NUM_REALIZATIONS;
 use crate::features::lane;
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
@@ -17,8 +18,8 @@ use crate::transport::light_list::MAX_CLUSTERS;
 use crate::transport::matrix::{EMITTER, NOTHING};
 use crate::transport::{bsdf, start, vertex};
 use camera::{
-    Band, CHUNK_HITS, CHUNK_WORDS, FARTHEST_KEY, KEY_SHIFT, PENDING, PIXEL_WORDS, PLACES, Seen,
-    SplitPixels, TILE, TILE_PIXELS, TILES_PER_DISPATCH, View,
+    Band, CHUNK_HITS, CHUNK_WORDS, FARTHEST_KEY, KEY_SHIFT, PENDING, PIXEL_WORDS, PLACES,
+    SPLIT_EDGE, Seen, SplitPixels, TILE, TILE_PIXELS, TILES_PER_DISPATCH, View,
 };
 use eagpt_scene::harmonics::{FUNCTION_CONSTANTS, MAX_EXPONENT, NUM_FUNCTIONS};
 use light::{
@@ -123,6 +124,8 @@ pub(super) fn declarations() -> String {
         ("TILE", TILE),
         ("TILE_PIXELS", TILE_PIXELS),
         ("TILES_PER_DISPATCH", TILES_PER_DISPATCH),
+        ("SPLIT_EDGE", SPLIT_EDGE),
+        ("RAYS_PER_AXIS", CameraRays::RAYS_PER_AXIS),
         ("PENDING", PENDING),
         ("KEY_SHIFT", KEY_SHIFT),
         ("FARTHEST_KEY", FARTHEST_KEY),

@@ -50,12 +50,11 @@ impl Views {
         scene: &SceneBuffers,
         rays: &CameraRays,
     ) -> Result<&CameraTracer, GpuError> {
-        let grid = rays.grid();
-        let fits = |tracer: &CameraTracer| tracer.bins.fits(&grid, scene.num_surfels());
+        let fits = |tracer: &CameraTracer| tracer.bins.fits(rays, scene.num_surfels());
         if !self.tracer.as_ref().is_some_and(fits) {
             // The old one's memory goes first.
             self.clear();
-            let size = size_of(rays);
+            let size = rays.grid_size();
             let capacity = self.capacities.entry(size);
             let capacity = capacity.or_insert_with(|| Capacity::usual(size));
             self.tracer = Some(CameraTracer::new(device, scene, size, capacity.entries)?);
@@ -74,7 +73,7 @@ impl Views {
         rays: &CameraRays,
     ) -> Result<(&CameraTracer, &Adjoint), GpuError> {
         self.tracer(device, scene, rays)?;
-        let size = size_of(rays);
+        let size = rays.grid_size();
         if let (None, Some(tracer)) = (&self.adjoint, &self.tracer) {
             let capacity = self.capacities.entry(size);
             let capacity = capacity.or_insert_with(|| Capacity::usual(size));
@@ -90,7 +89,7 @@ impl Views {
     /// Grows the buffers for grids of the size of that of `rays`, if a frame that needs `needed`
     /// does not fit: they are made anew when next asked for. Returns whether they were too small.
     pub(super) fn grow(&mut self, rays: &CameraRays, needed: &Counters) -> bool {
-        let size = size_of(rays);
+        let size = rays.grid_size();
         let capacity = self.capacities.entry(size);
         let capacity = capacity.or_insert_with(|| Capacity::usual(size));
         if let Some(tracer) = &self.tracer {
@@ -140,7 +139,7 @@ impl Views {
         scene: &SceneBuffers,
         rays: &CameraRays,
     ) -> Result<GBuffer, GpuError> {
-        let Camera { width, height, .. } = rays.grid();
+        let (width, height) = rays.grid_size();
         let mut pixels = Vec::new();
         let tracer = self.binned(device, scene, rays)?;
         tracer.trace(device, |_, features| {
@@ -189,10 +188,4 @@ impl Views {
         };
         Ok((features, contributions))
     }
-}
-
-/// Columns and rows of the grid of `rays`.
-fn size_of(rays: &CameraRays) -> (u32, u32) {
-    let grid = rays.grid();
-    (grid.width, grid.height)
 }

@@ -207,6 +207,7 @@ impl Backend for GpuBackend {
             iteration: step.iteration,
             view: view.clone(),
             rays: step.rays(view.view.camera, &target.edges),
+            target,
             sizes: step.sizes,
             loss: StepLoss::Radiance {
                 weights: *step.weights,
@@ -221,9 +222,11 @@ impl Backend for GpuBackend {
             return Ok(vec![trainer.albedo_step(parameters, view, step)?]);
         }
         let lit = self.lit(view, step.options.emission_threshold)?;
+        let target = self.target(view)?;
         self.begin(StepTask {
             iteration: step.iteration,
             view: view.clone(),
+            target,
             rays: view.view.camera.into(),
             sizes: step.sizes,
             loss: StepLoss::Albedo {

@@ -15,8 +15,8 @@ pub(in crate::gpu) const TILE_PIXELS: u32 = TILE * TILE;
 /// Tiles of one dispatch, whose split pixels are in one uniform: a kernel that runs for seconds is
 /// stopped by the driver.
 pub(in crate::gpu) const TILES_PER_DISPATCH: u32 = 4096;
-/// Pixels of 2×2 places of the grid of rays along the edge of a tile.
-const SPLIT_EDGE: u32 = TILE / 2;
+/// Pixels that may be split along the edge of a tile.
+pub(in crate::gpu) const SPLIT_EDGE: u32 = TILE / CameraRays::RAYS_PER_AXIS;
 /// Vectors of [`SplitPixels`]: a bit for each pixel.
 const SPLIT_VECTORS: usize = (TILES_PER_DISPATCH * SPLIT_EDGE * SPLIT_EDGE / 128) as usize;
 

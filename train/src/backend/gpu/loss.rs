@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::loss::{LossTerms, NormalTerms, PixelLight};
 use crate::options::LossWeights;
 use eagpt_scene::Camera;
+use eagpt_trace::CameraRays;
 use eagpt_trace::features::Features;
 use eagpt_trace::gpu::kernel::{Buffer, Pass, groups};
 use eagpt_trace::gpu::{Device, Frame};
@@ -37,7 +38,10 @@ fn parameters(camera: &Camera, view: &TargetView, options: &LossOptions) -> Loss
         height: camera.height,
         step_y: frame.step_y.to_array(),
         num_pixels: camera.num_pixels() as u32,
-        rays_per_axis: if options.antialias { 2 } else { 1 },
+        rays_per_axis: match options.antialias {
+            true => CameraRays::RAYS_PER_AXIS,
+            false => 1,
+        },
         has_normals: u32::from(options.normals == NormalTerms::On),
         has_map: view.has_map.into(),
         has_emission: view.has_emission.into(),

@@ -13,23 +13,17 @@ use super::task::{PendingStep, StepLoss, StepTask};
 use super::{GpuBackend, Parameters, resident};
 use crate::backend::step::{AlbedoStep, Backend as _, RadianceStep, Taken};
 use crate::error::Result;
-use eagpt_trace::CameraRays;
 use eagpt_trace::gpu::{Counters, Frame};
 
 /// Steps that may be queued when the next one has been submitted.
 const MOST_AHEAD: usize = 3;
-
-fn size(rays: &CameraRays) -> (u32, u32) {
-    let grid = rays.grid();
-    (grid.width, grid.height)
-}
 
 impl GpuBackend {
     /// Begins a step; returns those that are over.
     pub(super) fn begin(&mut self, task: StepTask) -> Result<Vec<Taken>> {
         // Buffers are those of one size of cameras.
         if let Some(first) = self.under_way.front()
-            && size(&first.task.rays) != size(&task.rays)
+            && first.task.rays.grid_size() != task.rays.grid_size()
         {
             self.catch_up(0)?;
         }
@@ -54,7 +48,7 @@ impl GpuBackend {
                 self.record_again(again, &report.needed)?;
                 continue;
             }
-            let terms = loss::terms(&report, &first.target, &first.options);
+            let terms = loss::terms(&report, &first.task.target, &first.options);
             let bad = match &self.parameters {
                 Parameters::Device(resident) => resident.bad_gradient(&report)?,
                 Parameters::Host(_) => None,
@@ -133,7 +127,6 @@ impl GpuBackend {
     /// loss, adjoint, optimiser. Nothing waits; kernels move nothing once a step has failed.
     fn submit(&mut self, task: StepTask, frame: &Frame) -> Result<()> {
         let camera = task.view.view.camera;
-        let target = self.target(&task.view)?;
         let options = task.loss_options();
         let device = &*self.device;
         let resident = resident(&mut self.parameters, &mut self.trainer.scene)?;
@@ -152,7 +145,7 @@ impl GpuBackend {
         let mut commands = device.commands();
         scene.forward(&task.rays, &mut commands)?;
         // Features to the terms of the loss, and to its derivatives by them.
-        let compared = (&camera, &target);
+        let compared = (&camera, &task.target);
         let of_loss = loss.passes(device, compared, &options, (frame, resident.report()));
         device.record(&of_loss, &mut commands);
         // Derivatives by features to gradients of every Gaussian.
@@ -165,7 +158,6 @@ impl GpuBackend {
         let report = resident.submit(commands)?;
         self.under_way.push_back(PendingStep {
             task,
-            target,
             options,
             capacity: frame.capacity,
             num_steps,

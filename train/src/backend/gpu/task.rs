@@ -16,6 +16,8 @@ use eagpt_trace::gpu::{Capacity, Reading};
 pub(super) struct StepTask {
     pub(super) iteration: u32,
     pub(super) view: TrainingView,
+    /// The view on the device.
+    pub(super) target: TargetView,
     pub(super) rays: CameraRays,
     pub(super) sizes: StepSizes,
     pub(super) loss: StepLoss,
@@ -71,7 +73,6 @@ impl StepTask {
 #[derive(Debug)]
 pub(super) struct PendingStep {
     pub(super) task: StepTask,
-    pub(super) target: TargetView,
     pub(super) options: LossOptions,
     /// Capacities of the buffers of its rays.
     pub(super) capacity: Capacity,
