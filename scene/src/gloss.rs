@@ -23,10 +23,22 @@ impl Gloss {
         roughness: 1.0,
     };
 
+    /// Surfaces of less roughness, most of whose light is mirrored, show an image of the scene …
+    pub const MIRROR_ROUGHNESS: f32 = 0.2;
+    /// … as all do with more F0.
+    const MIRROR_SPECULAR: f32 = 0.5;
+
     /// Whether anything is mirrored.
     #[inline]
     pub fn is_some(&self) -> bool {
         self.specular != Vec3::ZERO
+    }
+
+    /// Whether it is a mirror, or polished metal.
+    #[inline]
+    pub fn is_mirror(&self) -> bool {
+        self.roughness < Self::MIRROR_ROUGHNESS
+            && self.specular.max_element() > Self::MIRROR_SPECULAR
     }
 }
 

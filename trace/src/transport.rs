@@ -40,7 +40,7 @@ pub const ROULETTE_FROM: u32 = 1;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "mode")]
 pub enum Integrator {
-    /// The scene's own radiance.
+    /// The scene's own radiance, seen in mirrors, too.
     #[serde(rename = "0-bounce")]
     ZeroBounce,
     /// One bounce into the scene's own radiance.

@@ -9,10 +9,7 @@ use eagpt_scene::{Camera, Gloss, Image};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Surfaces of less roughness, of which the specular part is more than half, are mirrors to a
-/// denoiser.
-const MIRROR_ROUGHNESS: f32 = 0.2;
-/// Mirrors in a row that guides follow.
+/// Mirrors in a row that a view looks into.
 const MAX_MIRRORS: u32 = 3;
 
 /// A rendered frame: the light, and the composited features of the camera rays it started from.
@@ -108,14 +105,16 @@ impl View {
         threshold: f32,
     ) -> Self {
         let is_finished = match integrator {
-            Integrator::ZeroBounce => true,
-            Integrator::Gather { .. } => pixels.glosses.is_empty(),
+            Integrator::ZeroBounce | Integrator::Gather { .. } => pixels.glosses.is_empty(),
             Integrator::OneBounce { .. } | Integrator::Path { .. } => false,
         };
-        let surfaces = match is_finished {
+        let mut surfaces = match is_finished {
             true => Vec::new(),
             false => surfaces_of_pixels(camera, &pixels.features, threshold, &pixels.glosses),
         };
+        if *integrator == Integrator::ZeroBounce {
+            surfaces.retain(|(_, vertex)| vertex.gloss().is_mirror());
+        }
         Self {
             camera: *camera,
             pixels,
@@ -125,13 +124,9 @@ impl View {
         }
     }
 
-    fn is_gather(&self) -> bool {
-        matches!(self.integrator, Integrator::Gather { .. })
-    }
-
-    /// A surface as it is sampled: a gather knows what it scatters.
+    /// A surface as it is sampled: what it scatters is known where it shows its own radiance.
     fn sampled(&self, vertex: &Vertex) -> Vertex {
-        match self.is_gather() && vertex.is_glossy() {
+        match self.integrator.shows_own_radiance() && vertex.is_glossy() {
             true => vertex.mirror(),
             false => *vertex,
         }
@@ -139,9 +134,13 @@ impl View {
 
     /// Where light is sampled.
     pub(crate) fn starts(&self) -> Vec<Start> {
-        let is_known = |vertex: &Vertex| self.is_gather() && !vertex.is_glossy();
+        let is_sampled = |vertex: &Vertex| match self.integrator {
+            Integrator::ZeroBounce => false,
+            Integrator::Gather { .. } => vertex.is_glossy(),
+            Integrator::OneBounce { .. } | Integrator::Path { .. } => true,
+        };
         (self.surfaces.iter())
-            .filter(|(_, vertex)| !is_known(vertex))
+            .filter(|(_, vertex)| is_sampled(vertex))
             .map(|(pixel, vertex)| Start::new(*pixel, self.sampled(vertex)))
             .collect()
     }
@@ -178,14 +177,20 @@ impl View {
                 .map(|(_, vertex)| self.sampled(vertex))
                 .collect();
             let found = through_mirrors(&seen, self.threshold, trace)?;
-            for ((pixel, vertex), guide) in self.surfaces.iter().zip(found) {
-                guides[*pixel as usize] = guide;
-                if self.is_gather() {
-                    let (pixel, exact) = (*pixel as usize, self.scattered(*pixel, vertex));
-                    guides[pixel].exact = exact;
-                    if vertex.is_glossy() {
+            for ((pixel, vertex), (guide, image)) in self.surfaces.iter().zip(found) {
+                let exact = match self.integrator {
+                    Integrator::ZeroBounce => self.scattered(*pixel, vertex) + image,
+                    Integrator::Gather { .. } => self.scattered(*pixel, vertex),
+                    Integrator::OneBounce { .. } | Integrator::Path { .. } => Vec3::ZERO,
+                };
+                let pixel = *pixel as usize;
+                guides[pixel] = Guide { exact, ..guide };
+                match self.integrator {
+                    Integrator::ZeroBounce => radiance[pixel] = exact.to_array(),
+                    Integrator::Gather { .. } if vertex.is_glossy() => {
                         radiance[pixel] = (Vec3::from(radiance[pixel]) + exact).to_array();
                     }
+                    _ => {}
                 }
             }
         }
@@ -224,23 +229,25 @@ fn guide_of(vertex: &Vertex) -> Guide {
     }
 }
 
-/// A mirror whose reflection a guide follows.
+/// A mirror that a view looks into.
 struct MirrorRay {
-    /// Number of the guide.
+    /// Number of the pixel's surface.
     number: usize,
     vertex: Vertex,
     /// Reflectance of the mirrors so far.
     tint: Vec3,
 }
 
-/// Of each of `vertices`, the first surface that is no mirror, seen by way of those that are;
-/// emitters have an emission above `threshold`. `[vertices]`
+/// Of each of `vertices`, the first surface that is no mirror, seen by way of those that are, and
+/// the light that comes that way of the radiance that Gaussians carry: none where a vertex is no
+/// mirror. Emitters have an emission above `threshold`. `[vertices]`
 fn through_mirrors<E>(
     vertices: &[Vertex],
     threshold: f32,
     mut trace: impl FnMut(&[Ray]) -> Result<Vec<(Features, Gloss)>, E>,
-) -> Result<Vec<Guide>, E> {
-    let mut found: Vec<Guide> = vertices.par_iter().map(guide_of).collect();
+) -> Result<Vec<(Guide, Vec3)>, E> {
+    let first_seen = |vertex: &Vertex| (guide_of(vertex), Vec3::ZERO);
+    let mut found: Vec<(Guide, Vec3)> = vertices.par_iter().map(first_seen).collect();
     let first = |(number, &vertex): (usize, &Vertex)| MirrorRay {
         number,
         vertex,
@@ -250,7 +257,8 @@ fn through_mirrors<E>(
     for _ in 0..MAX_MIRRORS {
         let into_mirror = |mirror: MirrorRay| {
             let bsdf = mirror.vertex.bsdf();
-            let is_mirror = bsdf.roughness() < MIRROR_ROUGHNESS && bsdf.specular_share() > 0.5;
+            let is_mirror =
+                bsdf.roughness() < Gloss::MIRROR_ROUGHNESS && bsdf.specular_share() > 0.5;
             is_mirror.then(|| {
                 let tint = mirror.tint * bsdf.albedo() * mirror.vertex.alpha;
                 let ray = mirror.vertex.surface.ray(bsdf.mirror_direction());
@@ -269,8 +277,9 @@ fn through_mirrors<E>(
             let Some(vertex) = Vertex::new(ray, &features, gloss, 0.0) else {
                 continue;
             };
-            let guide = &mut found[mirror.number];
+            let (guide, image) = &mut found[mirror.number];
             *guide = guide_of(&vertex);
+            *image = mirror.tint * features.radiance();
             if features.emission() > threshold {
                 // Of a lamp in a mirror, the light is no product with its albedo.
                 guide.albedo = mirror.tint;

@@ -181,6 +181,7 @@ fn a_mirror_shows_the_image_behind_it() {
     let baked = Integrator::OneBounce { num_samples: 256 };
     let gather = Integrator::Gather { num_samples: 256 };
     for (integrator, sampling) in [
+        (Integrator::ZeroBounce, Sampling::NextEvent),
         (baked, Sampling::NextEvent),
         (gather, Sampling::NextEvent),
         (PATH, Sampling::NextEvent),

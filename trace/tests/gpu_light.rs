@@ -5,7 +5,7 @@ mod gpu;
 #[path = "gpu/room.rs"]
 mod room;
 
-use eagpt_scene::{Camera, Gaussians, Gloss};
+use eagpt_scene::{Camera, Gaussians, Gloss, Image};
 use eagpt_testkit::gaussians::{look_at, material, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
@@ -237,6 +237,40 @@ fn single_bounces_off_gloss_are_those_of_the_cpu() {
             );
         }
     }
+}
+
+/// Radiance that Gaussians carry is seen in mirrors as on the CPU, and nowhere else.
+#[test]
+fn radiance_in_mirrors_is_that_of_the_cpu() {
+    let Some(device) = gpu::device("mirrors") else {
+        return;
+    };
+    let mut room = glossy_room();
+    for (radiance, position) in room.radiances.iter_mut().zip(&room.positions) {
+        *radiance = 0.3 * (*position + 1.5);
+    }
+    let show = |room: &Gaussians| {
+        let gpu = GpuScene::new(&device, room).unwrap();
+        [&gpu as &dyn Tracer, &CpuScene::new(room)]
+            .map(|scene| render(scene, Integrator::ZeroBounce, PLAIN, 1).radiance)
+    };
+    let differ = |a: &Image<3>, b: &Image<3>| {
+        let pairs = a.pixels().iter().zip(b.pixels());
+        let is_off = |(a, b): &(&[f32; 3], &[f32; 3])| {
+            (Vec3::from(**a) - Vec3::from(**b)).length() > 2e-3 * Vec3::from(**b).length().max(0.05)
+        };
+        pairs.filter(is_off).count()
+    };
+    let [rough, _] = show(&room);
+    for gloss in &mut room.gloss {
+        gloss.roughness = gloss.roughness.min(0.1);
+    }
+    let [got, wanted] = show(&room);
+    // Of 144 pixels.
+    let num_off = differ(&got, &wanted);
+    assert!(num_off <= 3, "{num_off} pixels");
+    let num_shown = differ(&rough, &wanted);
+    assert!(num_shown > 8, "{num_shown} pixels");
 }
 
 /// Paths that mirrors reflect have the mean of the CPU's, by all ways to look for light.

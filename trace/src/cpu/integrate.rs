@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use std::convert::Infallible;
 
 /// Frame of `camera`, given the composited features of its camera rays and, of a glossy scene,
-/// their record (`0-bounce` needs none). Deterministic for a seed: each pixel has its own random
+/// their record (`0-bounce` without mirrors needs none). Deterministic for a seed: each pixel has its own random
 /// numbers and adds its samples in order.
 pub(super) fn render(
     scene: &CpuScene,
@@ -35,7 +35,7 @@ pub(super) fn render(
         Sampling::NextEvent => scene.lights(),
     };
     let pixels = match integrator {
-        Integrator::ZeroBounce => Pixels::diffuse(features),
+        Integrator::ZeroBounce if !scene.has_mirrors() => Pixels::diffuse(features),
         _ => scene.pixels(&record, features),
     };
     let view = View::new(camera, pixels, integrator, options.emission_threshold);

@@ -74,6 +74,11 @@ impl CpuScene {
         !self.set.gloss.is_empty()
     }
 
+    /// Whether any Gaussian shows an image of what it reflects.
+    pub(crate) fn has_mirrors(&self) -> bool {
+        self.set.gloss.iter().any(Gloss::is_mirror)
+    }
+
     /// As [`Self::trace`], with the specular part of what is met.
     pub fn trace_glossy(&self, ray: &Ray) -> (Features, Gloss) {
         if !self.is_glossy() {

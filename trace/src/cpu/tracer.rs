@@ -103,7 +103,11 @@ impl Tracer for CpuScene {
         integrator: &Integrator,
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
-        let keep = match self.is_glossy() && *integrator != Integrator::ZeroBounce {
+        let needs_gloss = match integrator {
+            Integrator::ZeroBounce => self.has_mirrors(),
+            _ => self.is_glossy(),
+        };
+        let keep = match needs_gloss {
             true => Keep::Record,
             false => Keep::Nothing,
         };

@@ -134,8 +134,8 @@ impl GpuScene {
         let device = &*self.device;
         let is_glossy = self.buffers.glosses.is_some();
         let light = match integrator {
-            Integrator::ZeroBounce => None,
-            Integrator::Gather { .. } if !is_glossy => None,
+            Integrator::ZeroBounce | Integrator::Gather { .. } if !is_glossy => None,
+            Integrator::ZeroBounce if !self.host()?.has_mirrors() => None,
             _ => Some(self.light()?),
         };
         let (mut glosses, mut means) = (Vec::new(), Vec::new());
