@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 25] = [
+pub const SCENES: [EmbeddedScene; 26] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -137,6 +137,11 @@ pub const SCENES: [EmbeddedScene; 25] = [
         name: "washroom",
         about: "a frame of bars, a mirror between bulbs, strips in a corner, a sconce; each alone, too",
         toml: include_str!("../scenes/washroom.toml"),
+    },
+    EmbeddedScene {
+        name: "hallway",
+        about: "a mirror over a console, another on a wardrobe, a pendant, a lamp, spots; each alone, too",
+        toml: include_str!("../scenes/hallway.toml"),
     },
 ];
 
