@@ -57,6 +57,14 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
         TrainProgress::Gloss {
             surfaces: Some(surfaces),
         } => tell_gloss(reporter, surfaces),
+        TrainProgress::Mirrors {
+            iteration,
+            num_mirrors,
+            num_gaussians,
+        } => reporter.note(&format!(
+            "{num_mirrors} mirror{} after iteration {iteration}, {num_gaussians} Gaussians",
+            if *num_mirrors == 1 { "" } else { "s" }
+        )),
         TrainProgress::Luminous { num, num_lit } => reporter.note(&format!(
             "{num} Gaussians near lamps are brighter than they can reflect, and emit; {num_lit} in \
              masks of lamps are not, and reflect"

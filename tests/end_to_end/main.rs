@@ -26,6 +26,7 @@ mod lamps;
 mod light_basis;
 mod machine;
 mod masks;
+mod mirrors;
 mod misuse;
 mod own_light;
 mod paper;

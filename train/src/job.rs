@@ -10,6 +10,7 @@ mod initial;
 mod lamps;
 mod lights;
 mod memory;
+mod mirrors;
 mod preview;
 mod request;
 mod run;
@@ -66,6 +67,7 @@ pub fn train(
         budget: options.gaussians_for(options.num_points(&lights[0].dataset)?),
         next_scene: None,
         gloss: RunGloss::default(),
+        mirrors: Vec::new(),
         num_frames: lights
             .iter()
             .map(|light| light.dataset.frames().len())
@@ -101,6 +103,7 @@ pub fn train(
         };
         views.look_for(lights.iter().map(discs).collect::<Result<_>>()?);
     }
+    run.take_up_mirrors(&views, &start)?;
     let mut backend = backend::new(&request.device, start.state.clone(), budget / 2)?;
     let mut position = start;
     position.state = ParameterState::default();

@@ -212,6 +212,9 @@ pub struct RadianceOptions {
     pub densify: DensifyOptions,
     /// Treatment of emitters.
     pub lamps: LampOptions,
+    /// Whether mirrors are looked for when lamps become clean, and become surfaces that reflect the
+    /// room (crate `eagpt-mirrors`), in place of another room behind a wall.
+    pub mirrors: bool,
 }
 
 /// Lamps as clean surfaces of known power (crate `eagpt-lamps`), in place of the heaps of discs

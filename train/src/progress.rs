@@ -78,6 +78,15 @@ pub enum TrainProgress {
         /// Gaussians now.
         num_gaussians: usize,
     },
+    /// Mirrors are in the scene.
+    Mirrors {
+        /// Iteration.
+        iteration: u32,
+        /// Mirrors.
+        num_mirrors: usize,
+        /// Gaussians now.
+        num_gaussians: usize,
+    },
     /// Parts of lamps that masks leave out emit, and lit surfaces that they mark do not.
     Luminous {
         /// Gaussians that emit now.

@@ -8,6 +8,7 @@ use eagpt_scene::dataset::ViewCache;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Dataset};
 use glam::Vec3;
+use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
 /// The views a run trains on, of one dataset or of several in different lights.
@@ -22,6 +23,8 @@ pub(crate) struct Views {
     clouds: Vec<Option<Discs>>,
     /// Their points that each frame sees, when they are first asked for.
     points: Vec<OnceLock<Arc<SeenPoints>>>,
+    /// Pixels of frames that nothing is learned from, row by row.
+    hidden: OnceLock<HashMap<usize, Vec<bool>>>,
 }
 
 impl Views {
@@ -44,14 +47,26 @@ impl Views {
             seed,
             clouds: Vec::new(),
             points: Vec::new(),
+            hidden: OnceLock::new(),
         }
     }
 
     /// From here on views tell which points of the cloud of their light they see.
     pub(crate) fn look_for(&mut self, clouds: Vec<Option<Discs>>) {
-        let num_frames = (0..self.num_lights()).map(|light| self.dataset(light).frames().len());
-        self.points = (0..num_frames.sum()).map(|_| OnceLock::new()).collect();
+        self.points = (0..self.num_frames()).map(|_| OnceLock::new()).collect();
         self.clouds = clouds;
+    }
+
+    /// From here on these pixels are unknown, by the indices of views. This happens once.
+    pub(crate) fn hide(&self, hidden: HashMap<usize, Vec<bool>>) {
+        self.hidden.get_or_init(|| hidden);
+    }
+
+    /// Number of frames of all datasets.
+    fn num_frames(&self) -> usize {
+        (0..self.num_lights())
+            .map(|light| self.dataset(light).frames().len())
+            .sum()
     }
 
     fn points(&self, index: usize, light: usize) -> Option<Arc<SeenPoints>> {
@@ -146,11 +161,18 @@ impl Views {
 
     fn get(&self, index: usize) -> Result<TrainingView> {
         let (light, frame) = self.place(index);
+        let view = self.lights[light].get(frame)?;
+        let points = self.points(index, light);
+        // Another index: prepared copies of the whole photograph differ.
+        let (index, view) = match self.hidden.get().and_then(|hidden| hidden.get(&index)) {
+            Some(hidden) => (index + self.num_frames(), Arc::new(view.without(hidden))),
+            None => (index, view),
+        };
         Ok(TrainingView {
             index,
             light,
-            view: self.lights[light].get(frame)?,
-            points: self.points(index, light),
+            view,
+            points,
         })
     }
 

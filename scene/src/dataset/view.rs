@@ -75,6 +75,23 @@ impl View {
                 .sum::<usize>()
     }
 
+    /// The view with the pixels that are `hidden` unknown, row by row.
+    pub fn without(&self, hidden: &[bool]) -> Self {
+        let mut view = self.clone();
+        let (width, height) = (self.radiance.width(), self.radiance.height());
+        let valid = (view.valid).get_or_insert_with(|| Image::filled(width, height, [1.0]));
+        for (known, _) in valid
+            .pixels_mut()
+            .iter_mut()
+            .zip(hidden)
+            .filter(|(_, hidden)| **hidden)
+        {
+            *known = [0.0];
+        }
+        view.clear_unknown();
+        view
+    }
+
     /// Sets all images to 0 where they are not known, so that nothing depends on what the files
     /// hold there.
     fn clear_unknown(&mut self) {

@@ -25,6 +25,7 @@ impl Run<'_> {
     ) -> Result<Option<OwnLight>> {
         for scene in &mut scenes {
             self.gloss.apply(scene);
+            eagpt_mirrors::polish(&self.mirrors, scene, num_moving);
         }
         self.limit_albedos((&mut scenes, num_moving), views)?;
         for (light, scene) in scenes.iter().enumerate() {

@@ -13,6 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// Folder of the other lights.
 const LIGHTS_DIR: &str = "lights";
+/// Mirrors of the scene, and the folder of the pixels that show them.
+const MIRRORS_FILE: &str = "mirrors.json";
+const MIRRORS_DIR: &str = "mirrors";
 /// The scene in its folder.
 const SCENE_FILE: &str = "scene.ply";
 
@@ -52,6 +55,22 @@ impl Folder {
 
     pub(super) fn previews(&self) -> PathBuf {
         self.root.join("previews")
+    }
+
+    /// Mirrors that were found.
+    pub(super) fn mirrors(&self) -> PathBuf {
+        self.root.join(MIRRORS_FILE)
+    }
+
+    /// Folder of [`Self::mirror_mask`].
+    pub(super) fn mirror_masks(&self) -> PathBuf {
+        self.root.join(MIRRORS_DIR)
+    }
+
+    /// The pixels of a view in a light that show mirrors.
+    pub(super) fn mirror_mask(&self, light: usize, view: &str) -> PathBuf {
+        let name = format!("{}{}.png", self.prefix(light), view.replace('/', "_"));
+        self.mirror_masks().join(name)
     }
 
     /// Number of lights, at least 1.
@@ -130,6 +149,8 @@ impl Folder {
                 self.checkpoints(),
                 self.previews(),
                 self.log(),
+                self.mirrors(),
+                self.mirror_masks(),
                 self.root.join(SCENE_FILE),
                 self.root.join(LAMPS_FILE),
                 self.root.join(LIGHTS_DIR),

@@ -5,6 +5,7 @@ use super::gloss::RunGloss;
 use super::request::TrainRequest;
 use crate::options::Stage;
 use crate::progress::TrainProgress;
+use eagpt_mirrors::Mirror;
 use std::time::Instant;
 
 /// State shared by the parts of a run.
@@ -21,6 +22,8 @@ pub(super) struct Run<'a> {
     pub(super) next_scene: Option<Instant>,
     /// Gloss of the scene of stage 0.
     pub(super) gloss: RunGloss,
+    /// Mirrors that were put into the scene.
+    pub(super) mirrors: Vec<Mirror>,
     /// Number of frames of the dataset.
     pub(super) num_frames: usize,
 }

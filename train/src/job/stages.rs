@@ -116,6 +116,9 @@ impl Run<'_> {
             if let Some(time) = splits {
                 self.densify(backend, views, iteration, time)?;
             }
+            if cleans && options.radiance.mirrors {
+                self.place_mirrors(backend, views, iteration)?;
+            }
             if cleans {
                 self.clean_lamps(backend, views, iteration)?;
             }

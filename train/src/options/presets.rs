@@ -90,6 +90,7 @@ impl TrainOptions {
                     clean: preset != Preset::Paper,
                     after: 0.95,
                 },
+                mirrors: preset == Preset::Fast,
             },
             albedo: match preset {
                 Preset::Draft => albedo(150, 16),

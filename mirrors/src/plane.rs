@@ -1,0 +1,207 @@
+//! Planes of a scene, in which mirrors hang.
+
+use crate::evidence::Seen;
+use eagpt_scene::rng::RandomKey;
+use eagpt_trace::Ray;
+use glam::{Mat3, Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Surfaces that planes are compared with, about.
+const MAX_COMPARED: usize = 8000;
+/// Planes that are tried for each that is found.
+const NUM_TRIED: u32 = 256;
+/// Most planes.
+const MAX_PLANES: usize = 40;
+/// Share of all surfaces seen that a plane has, at least.
+const LEAST_SHARE: f32 = 0.004;
+/// Points that make a plane, at least.
+const LEAST_POINTS: usize = 12;
+/// Cosine between the normal of a plane and that of a surface in it, at least: 15 degrees.
+const LEAST_COSINE: f32 = 0.966;
+/// Rounds in which a plane is fitted to what is near it.
+const FITS: usize = 3;
+/// Rounds of inverse iteration, and of the trace of the covariances what is added to its diagonal.
+const ITERATIONS: usize = 4;
+const RIDGE: f32 = 1e-5;
+/// Sine of the slope from which on a plane has an upward axis.
+const LEAST_RISE: f32 = 0.3;
+
+/// An oriented plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Plane {
+    /// Unit, towards what is seen of it.
+    pub(crate) normal: Vec3,
+    /// Signed distance from the origin along the normal, scene units.
+    pub(crate) offset: f32,
+}
+
+impl Plane {
+    /// Signed distance of a point.
+    pub(crate) fn height(self, point: Vec3) -> f32 {
+        self.normal.dot(point) - self.offset
+    }
+
+    /// Distance along a ray that meets its front; `None` for others.
+    pub(crate) fn meet(self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        let (height, fall) = (self.height(origin), -self.normal.dot(direction));
+        (height > 0.0 && fall > 0.0).then(|| height / fall)
+    }
+
+    /// A direction, mirrored.
+    pub(crate) fn mirrored(self, direction: Vec3) -> Vec3 {
+        direction - 2.0 * self.normal.dot(direction) * self.normal
+    }
+
+    /// The ray that a mirror in it reflects of one from `origin`, which meets it at a `distance`,
+    /// from a `height` above the plane on.
+    pub(crate) fn reflected(
+        self,
+        origin: Vec3,
+        direction: Vec3,
+        distance: f32,
+        height: f32,
+    ) -> Ray {
+        let mirrored = self.mirrored(direction);
+        let start = origin + direction * distance + mirrored * (height / self.normal.dot(mirrored));
+        Ray::free(start.to_array(), mirrored.to_array())
+    }
+
+    /// Unit axes u and v in it, u × v being its normal: level, and as far `up` as may be.
+    pub(crate) fn axes(self, up: Vec3) -> [Vec3; 2] {
+        let rising = up.reject_from_normalized(self.normal);
+        let v = match rising.length() >= LEAST_RISE {
+            true => rising.normalize(),
+            false => self.normal.any_orthonormal_vector(),
+        };
+        [v.cross(self.normal), v]
+    }
+
+    /// The same, moved by `by` along its normal and turned by small `angles` about the two `axes`
+    /// through a `point` of it, radians.
+    pub(crate) fn moved(self, (by, angles): (f32, Vec2), axes: [Vec3; 2], point: Vec3) -> Self {
+        let turned = self.normal + angles.x * axes[0] + angles.y * axes[1];
+        let normal = turned.normalize();
+        Self {
+            normal,
+            offset: normal.dot(point) + by,
+        }
+    }
+}
+
+/// Planes with many of the surfaces `seen`, those with most first; surfaces up to `near` from a
+/// plane are in it.
+pub(crate) fn planes(seen: &[Seen], near: f32, key: RandomKey) -> Vec<Plane> {
+    let surfaces: Vec<(Vec3, Vec3)> = (seen.iter())
+        .filter(|seen| seen.normal != Vec3::ZERO)
+        .map(|seen| (seen.position(), seen.normal))
+        .collect();
+    let step = surfaces.len().div_ceil(MAX_COMPARED).max(1);
+    let mut left: Vec<(Vec3, Vec3)> = surfaces.into_iter().step_by(step).collect();
+    let least = ((LEAST_SHARE * left.len() as f32) as usize).max(LEAST_POINTS);
+    let is_of = |plane: Plane, (position, normal): (Vec3, Vec3)| {
+        plane.height(position).abs() <= near && plane.normal.dot(normal) >= LEAST_COSINE
+    };
+    let mut found = Vec::new();
+    while found.len() < MAX_PLANES && left.len() >= least {
+        let of = |number: u32| {
+            let word = key.stream(number, found.len() as u32).next_words()[0];
+            let (position, normal) = left[word as usize % left.len()];
+            let mut plane = Plane {
+                normal,
+                offset: normal.dot(position),
+            };
+            for _ in 0..FITS {
+                let own = left.iter().filter(|at| is_of(plane, **at));
+                plane = fitted(own.map(|at| at.0), plane);
+            }
+            let num = left.iter().filter(|at| is_of(plane, **at)).count();
+            (num, plane)
+        };
+        let tried: Vec<(usize, Plane)> = (0..NUM_TRIED).into_par_iter().map(of).collect();
+        // The first of those with most.
+        let Some(&(num, plane)) = tried.iter().rev().max_by_key(|(num, _)| *num) else {
+            break;
+        };
+        if num < least {
+            break;
+        }
+        found.push(plane);
+        left.retain(|at| !is_of(plane, *at));
+    }
+    found
+}
+
+/// The plane through points, least squares; `before` where they are too few.
+pub(crate) fn fitted(points: impl Iterator<Item = Vec3> + Clone, before: Plane) -> Plane {
+    let num = points.clone().count();
+    if num < LEAST_POINTS {
+        return before;
+    }
+    let centre = points.clone().sum::<Vec3>() / num as f32;
+    let covariance = points.fold(Mat3::ZERO, |sum, point| {
+        let d = point - centre;
+        sum + Mat3::from_cols(d * d.x, d * d.y, d * d.z)
+    });
+    let trace = covariance.x_axis.x + covariance.y_axis.y + covariance.z_axis.z;
+    let ridge = Mat3::from_diagonal(Vec3::splat((RIDGE * trace).max(f32::MIN_POSITIVE)));
+    // The direction of least spread.
+    let inverse = (covariance + ridge).inverse();
+    let mut normal = before.normal;
+    for _ in 0..ITERATIONS {
+        normal = (inverse * normal).normalize_or(before.normal);
+    }
+    normal *= normal.dot(before.normal).signum();
+    Plane {
+        normal,
+        offset: normal.dot(centre),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(position: Vec3, normal: Vec3) -> Seen {
+        let origin = position + normal + 0.3 * normal.any_orthonormal_vector();
+        Seen {
+            view: 0,
+            origin,
+            direction: (position - origin).normalize(),
+            radiance: Vec3::ONE,
+            distance: position.distance(origin),
+            normal,
+        }
+    }
+
+    /// A wall, and a tilted board of a fifth of its points that lies before it.
+    #[test]
+    fn planes_are_found_largest_first_and_face_the_cameras() {
+        let grid = |num: u16| {
+            let at = move |k: u16| f32::from(k) / f32::from(num) * 2.0 - 1.0;
+            (0..num).flat_map(move |y| (0..num).map(move |x| Vec2::new(at(x), at(y))))
+        };
+        let normal = Vec3::new(0.6, 0.0, 0.8);
+        let [u, v] = [normal.cross(Vec3::Y).normalize(), Vec3::Y];
+        let wall = grid(40).map(|at| {
+            let noise = 0.002 * (91.0 * at.x + 57.0 * at.y).sin();
+            seen(Vec3::new(at.x, at.y, 3.0 + noise), Vec3::NEG_Z)
+        });
+        let board = grid(18).map(|at| seen(-2.0 * normal + 0.3 * (u * at.x + v * at.y), normal));
+        let all: Vec<Seen> = wall.chain(board).collect();
+        let key = RandomKey::new(3, eagpt_scene::rng::Purpose::Align, 0);
+        let found = planes(&all, 0.01, key);
+        assert_eq!(found.len(), 2);
+        let wanted = [(Vec3::NEG_Z, -3.0), (normal, -2.0)];
+        for (found, (normal, offset)) in found.iter().zip(wanted) {
+            assert!(found.normal.dot(normal) > 0.9999, "{found:?}");
+            assert!((found.offset - offset).abs() < 1e-3, "{found:?}");
+        }
+        let [u, v] = found[0].axes(Vec3::Y);
+        assert!(v.dot(Vec3::Y) > 0.999 && u.cross(v).dot(Vec3::NEG_Z) > 0.999);
+        let towards = Vec3::new(0.5, 0.2, 1.0).normalize();
+        assert!((found[0].meet(Vec3::ZERO, towards).unwrap() * towards.z - 3.0).abs() < 1e-3);
+        assert_eq!(found[0].meet(Vec3::ZERO, -towards), None);
+        let mirrored = found[0].mirrored(towards);
+        assert!(mirrored.distance(towards * Vec3::new(1.0, 1.0, -1.0)) < 1e-3);
+    }
+}
