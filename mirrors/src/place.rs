@@ -6,7 +6,6 @@ use eagpt_scene::{Camera, Gaussians, SceneEdit, View};
 use eagpt_trace::blend::Contribution;
 use eagpt_trace::features::GBuffer;
 use eagpt_trace::{Features, TraceError, Tracer};
-use glam::Vec3;
 
 /// What is this near to the plane of a mirror, in thicknesses of surfaces, is of it.
 const AT_PLANE: f32 = 1.5;
@@ -26,15 +25,17 @@ pub struct Room<'a> {
     scale: Scale,
     gaussians: &'a Gaussians,
     tracer: &'a dyn Tracer,
-    shown: Vec<Shown>,
+    /// Weight of each Gaussian in the pixels of all views.
+    weights: Vec<f32>,
+    /// The same in pixels of each mirror, `[mirrors][n]`.
+    shown: Vec<Vec<Shown>>,
 }
 
-/// Weight of a Gaussian in the pixels of all views.
+/// Weight of a Gaussian in the pixels of a mirror.
 #[derive(Clone, Copy, Default)]
 struct Shown {
-    all: f32,
-    /// In pixels whose lines of sight meet a mirror, …
-    in_mirrors: f32,
+    /// In those whose lines of sight meet it, …
+    in_mirror: f32,
     /// … and in those that show what it reflects.
     as_image: f32,
 }
@@ -48,12 +49,14 @@ impl<'a> Room<'a> {
         gaussians: &'a Gaussians,
         tracer: &'a dyn Tracer,
     ) -> Self {
+        let num = gaussians.len();
         Self {
             mirrors,
             scale: evidence.scale(),
             gaussians,
             tracer,
-            shown: vec![Shown::default(); gaussians.len()],
+            weights: vec![0.0; num],
+            shown: vec![vec![Shown::default(); num]; mirrors.len()],
         }
     }
 
@@ -63,20 +66,48 @@ impl<'a> Room<'a> {
     /// If the device fails.
     pub fn add(&mut self, view: &View) -> Result<(), TraceError> {
         let crossed = crossed(self.mirrors, &view.camera);
-        let mut rays = Vec::new();
-        let mut reflected = Vec::new();
-        let frame = view.camera.ray_frame();
+        for found in self.contributions(&view.camera, &vec![false; crossed.len()])? {
+            self.weights[found.gaussian as usize] += found.weight;
+        }
+        let is_image = self.images(view, &crossed)?;
+        for number in 0..self.mirrors.len() {
+            let is_of = |met: &Option<(f32, usize)>| met.is_some_and(|(_, own)| own == number);
+            let is_in: Vec<bool> = crossed.iter().map(is_of).collect();
+            if !is_in.contains(&true) {
+                continue;
+            }
+            let is_shown: Vec<bool> = (is_in.iter().zip(&is_image))
+                .map(|(is_in, is_image)| *is_in && *is_image)
+                .collect();
+            for found in self.contributions(&view.camera, &is_in)? {
+                let shown = &mut self.shown[number][found.gaussian as usize];
+                shown.in_mirror += found.weighted_value;
+            }
+            for found in self.contributions(&view.camera, &is_shown)? {
+                let shown = &mut self.shown[number][found.gaussian as usize];
+                shown.as_image += found.weighted_value;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the photograph shows in each pixel what the mirror there reflects.
+    fn images(
+        &self,
+        view: &View,
+        crossed: &[Option<(f32, usize)>],
+    ) -> Result<Vec<bool>, TraceError> {
+        let (mut rays, mut reflected) = (Vec::new(), Vec::new());
+        let (camera, frame) = (&view.camera, view.camera.ray_frame());
         for (pixel, met) in crossed.iter().enumerate() {
-            let Some((distance, mirror)) = *met else {
+            let Some((distance, number)) = *met else {
                 continue;
             };
-            let (x, y) = (
-                pixel as u32 % view.camera.width,
-                pixel as u32 / view.camera.width,
-            );
+            let mirror = &self.mirrors[number];
+            let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            let plane = mirror.plane();
-            rays.push(plane.reflected(frame.origin, direction, distance, self.scale.past()));
+            let from = self.scale.past();
+            rays.push((mirror.plane()).reflected(frame.origin, direction, distance, from));
             reflected.push((pixel, mirror.reflectance));
         }
         let met = self.tracer.trace_rays(&rays)?;
@@ -86,20 +117,15 @@ impl<'a> Room<'a> {
             let seen = self.scale.log(view.radiance.pixels()[pixel].into());
             is_image[pixel] = difference(seen - image) <= MOST_OFF;
         }
-        let is_crossed: Vec<bool> = crossed.iter().map(Option::is_some).collect();
-        for found in self.weights(&view.camera, &is_crossed)? {
-            let shown = &mut self.shown[found.gaussian as usize];
-            shown.in_mirrors += found.weighted_value;
-            shown.all += found.weight;
-        }
-        for found in self.weights(&view.camera, &is_image)? {
-            self.shown[found.gaussian as usize].as_image += found.weighted_value;
-        }
-        Ok(())
+        Ok(is_image)
     }
 
     /// Weights of Gaussians, and in `some` of the pixels of a camera.
-    fn weights(&self, camera: &Camera, some: &[bool]) -> Result<Vec<Contribution>, TraceError> {
+    fn contributions(
+        &self,
+        camera: &Camera,
+        some: &[bool],
+    ) -> Result<Vec<Contribution>, TraceError> {
         let value = |pixel: usize, _: &Features| f32::from(u8::from(some[pixel]));
         Ok(self.tracer.contributions(camera, &value)?.1)
     }
@@ -107,39 +133,41 @@ impl<'a> Room<'a> {
     /// What has to go, and the discs of the mirrors, which are fixed. In and behind them all goes
     /// that is seen in their place, before them what shows what they reflect.
     pub fn edit(&self) -> SceneEdit {
-        let goes = |(position, shown): (&Vec3, &Shown)| {
-            self.mirrors.iter().any(|mirror| {
-                let height = mirror.plane().height(*position);
-                if height.abs() <= AT_PLANE * self.scale.near && mirror.covers(*position) {
+        let goes = |i: usize| {
+            let (position, all) = (self.gaussians.positions[i], self.weights[i]);
+            self.mirrors.iter().zip(&self.shown).any(|(mirror, shown)| {
+                let (shown, height) = (shown[i], mirror.plane().height(position));
+                if height.abs() <= AT_PLANE * self.scale.near && mirror.covers(position) {
                     // What is large and reaches beyond is of the wall around.
-                    return shown.in_mirrors >= SHARE_SHOWN * shown.all;
+                    return shown.in_mirror >= SHARE_SHOWN * all;
                 }
                 let (of_mirror, share) = match height {
-                    ..0.0 => (shown.in_mirrors, SHARE_SHOWN),
+                    ..0.0 => (shown.in_mirror, SHARE_SHOWN),
                     _ if height <= self.scale.past() => (shown.as_image, SHARE_CLOSE),
                     _ => (shown.as_image, SHARE_SHOWN),
                 };
-                of_mirror > share * shown.all
+                of_mirror > share * all
             })
         };
-        let all = self.gaussians.positions.iter().zip(&self.shown);
         let discs: Vec<Gaussians> = self.mirrors.iter().map(Mirror::discs).collect();
         SceneEdit {
-            keep: all.map(|of| !goes(of)).collect(),
+            keep: (0..self.gaussians.len()).map(|i| !goes(i)).collect(),
             moved: Vec::new(),
             fixed: discs.iter().flat_map(Gaussians::iter).collect(),
         }
     }
 }
 
-/// The nearest mirror along the ray of each pixel, and its distance.
-fn crossed<'a>(mirrors: &'a [Mirror], camera: &Camera) -> Vec<Option<(f32, &'a Mirror)>> {
+/// Distance and number of the nearest mirror along the ray of each pixel.
+fn crossed(mirrors: &[Mirror], camera: &Camera) -> Vec<Option<(f32, usize)>> {
     let frame = camera.ray_frame();
     let pixels = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
     let nearest = |(x, y): (u32, u32)| {
         let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-        let met = |mirror: &'a Mirror| Some((mirror.meet(frame.origin, direction)?, mirror));
-        let met = mirrors.iter().filter_map(met);
+        let met = |(number, mirror): (usize, &Mirror)| {
+            Some((mirror.meet(frame.origin, direction)?, number))
+        };
+        let met = mirrors.iter().enumerate().filter_map(met);
         met.min_by(|a, b| a.0.total_cmp(&b.0))
     };
     pixels.map(nearest).collect()
@@ -148,7 +176,7 @@ fn crossed<'a>(mirrors: &'a [Mirror], camera: &Camera) -> Vec<Option<(f32, &'a M
 /// Whether each pixel of `camera` shows one of `mirrors`, in part at least, in the scene with them
 /// that is `seen` from there; `None` if none does.
 pub fn pixels(mirrors: &[Mirror], camera: &Camera, seen: &GBuffer) -> Option<Vec<bool>> {
-    let shows = |(met, seen): (&Option<(f32, &Mirror)>, &Features)| {
+    let shows = |(met, seen): (&Option<(f32, usize)>, &Features)| {
         met.is_some_and(|(distance, _)| seen.mean_distance() >= (1.0 - BEFORE) * distance)
     };
     let whole: Vec<bool> = (crossed(mirrors, camera).iter().zip(&seen.pixels))

@@ -142,20 +142,7 @@ fn photograph(mirror: Option<&Mirror>, camera: Camera) -> View {
         light.to_array()
     };
     let radiance = Image::from_pixels(camera.width, camera.height, pixels.map(light).collect());
-    View {
-        name: String::new(),
-        camera,
-        radiance: radiance.unwrap(),
-        emission: None,
-        normal: None,
-        alpha: None,
-        depth: None,
-        albedo: None,
-        specular: None,
-        roughness: None,
-        clipped: None,
-        valid: None,
-    }
+    View::new(String::new(), camera, radiance.unwrap())
 }
 
 /// Mirrors found in photographs of a room with `mirror`, and the photographs, where `trained` is

@@ -98,19 +98,10 @@ pub(crate) fn photograph_all(
         }
     }
     let (width, height) = (camera.width, camera.height);
+    let radiance = Image::from_pixels(width, height, radiance).unwrap();
     View {
-        name: format!("view-{name}"),
-        camera,
-        radiance: Image::from_pixels(width, height, radiance).unwrap(),
         emission: Image::from_pixels(width, height, mask),
-        normal: None,
-        alpha: None,
-        depth: None,
-        albedo: None,
-        specular: None,
-        roughness: None,
-        clipped: None,
-        valid: None,
+        ..View::new(format!("view-{name}"), camera, radiance)
     }
 }
 

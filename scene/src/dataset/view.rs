@@ -54,6 +54,24 @@ pub fn is_known(value: f32) -> bool {
 }
 
 impl View {
+    /// A view of which the radiance is known and nothing else.
+    pub fn new(name: String, camera: Camera, radiance: Image<3>) -> Self {
+        Self {
+            name,
+            camera,
+            radiance,
+            emission: None,
+            normal: None,
+            alpha: None,
+            depth: None,
+            albedo: None,
+            specular: None,
+            roughness: None,
+            clipped: None,
+            valid: None,
+        }
+    }
+
     /// Bytes held by the images.
     pub fn num_bytes(&self) -> usize {
         let single = |image: &Option<Image<1>>| image.as_ref().map_or(0, Image::num_bytes);

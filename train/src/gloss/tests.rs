@@ -45,20 +45,7 @@ fn pictures(scene: &Gaussians) -> Vec<Result<TrainingView>> {
     let take = |(index, camera): (usize, Camera)| {
         let gather = Integrator::Gather { num_samples: 64 };
         let seen = scene.render(&camera, &gather, &LightOptions::default());
-        let view = View {
-            name: index.to_string(),
-            camera,
-            radiance: seen.unwrap().radiance,
-            emission: None,
-            normal: None,
-            alpha: None,
-            depth: None,
-            albedo: None,
-            specular: None,
-            roughness: None,
-            clipped: None,
-            valid: None,
-        };
+        let view = View::new(index.to_string(), camera, seen.unwrap().radiance);
         Ok(TrainingView {
             index,
             light: 0,

@@ -67,10 +67,8 @@ pub(crate) fn view(normal: bool) -> View {
         )
         .unwrap()
     };
+    let radiance = image(&|[a, b, c, _]| [a + 0.3, 0.2 + b, c + 0.1]);
     View {
-        name: "test".to_owned(),
-        camera: camera(),
-        radiance: image(&|[a, b, c, _]| [a + 0.3, 0.2 + b, c + 0.1]),
         emission: Some(image(&|[a, ..]| [a.round(); 3]).map(|p| [p[0]])),
         normal: normal.then(|| {
             image(&|[a, b, ..]| {
@@ -79,13 +77,7 @@ pub(crate) fn view(normal: bool) -> View {
                     .to_array()
             })
         }),
-        alpha: None,
-        depth: None,
-        albedo: None,
-        specular: None,
-        roughness: None,
-        clipped: None,
-        valid: None,
+        ..View::new("test".to_owned(), camera(), radiance)
     }
 }
 
