@@ -4,9 +4,9 @@
 //! Training does not know of mirrors. It makes a second room behind the wall of what a mirror
 //! shows, or paints it on the wall, differently for each direction. Neither shows more than the
 //! photographs do, and both stay as they are when lamps are switched or things move. What a mirror
-//! shows is known, however: the first room. On each plane of the scene ([`mod@plane`]) photographs
-//! are compared with the mirror image of the trained room ([`wall`]); where it explains them better
-//! than any paint does, a mirror hangs ([`outline`]).
+//! shows is known, however: the first room. On each plane of the scene (`plane`) photographs
+//! are compared with the mirror image of the trained room (`wall`); where it explains them better
+//! than any paint does, a mirror hangs (`outline`).
 //!
 //! - [`Evidence`]: pixels of the views, and where the trained scene has them.
 //! - [`find`]: from there to [`Mirror`]s.
