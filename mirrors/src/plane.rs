@@ -1,9 +1,10 @@
 //! Planes of a scene, in which mirrors hang.
 
 use crate::evidence::Seen;
+use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::Ray;
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Surfaces that planes are compared with, about.
@@ -20,9 +21,6 @@ const LEAST_POINTS: usize = 12;
 const LEAST_COSINE: f32 = 0.966;
 /// Rounds in which a plane is fitted to what is near it.
 const FITS: usize = 3;
-/// Rounds of inverse iteration, and of the trace of the covariances what is added to its diagonal.
-const ITERATIONS: usize = 4;
-const RIDGE: f32 = 1e-5;
 /// Sine of the slope from which on a plane has an upward axis.
 const LEAST_RISE: f32 = 0.3;
 
@@ -134,26 +132,14 @@ pub(crate) fn planes(seen: &[Seen], near: f32, key: RandomKey) -> Vec<Plane> {
 /// The plane through points, least squares; `before` where they are too few.
 pub(crate) fn fitted(points: impl Iterator<Item = Vec3> + Clone, before: Plane) -> Plane {
     let num = points.clone().count();
-    if num < LEAST_POINTS {
+    let through = FittedPlane::through(points.clone());
+    let Some(normal) = through.normal.filter(|_| num >= LEAST_POINTS) else {
         return before;
-    }
-    let centre = points.clone().sum::<Vec3>() / num as f32;
-    let covariance = points.fold(Mat3::ZERO, |sum, point| {
-        let d = point - centre;
-        sum + Mat3::from_cols(d * d.x, d * d.y, d * d.z)
-    });
-    let trace = covariance.x_axis.x + covariance.y_axis.y + covariance.z_axis.z;
-    let ridge = Mat3::from_diagonal(Vec3::splat((RIDGE * trace).max(f32::MIN_POSITIVE)));
-    // The direction of least spread.
-    let inverse = (covariance + ridge).inverse();
-    let mut normal = before.normal;
-    for _ in 0..ITERATIONS {
-        normal = (inverse * normal).normalize_or(before.normal);
-    }
-    normal *= normal.dot(before.normal).signum();
+    };
+    let normal = normal * normal.dot(before.normal).signum();
     Plane {
         normal,
-        offset: normal.dot(centre),
+        offset: points.map(|point| normal.dot(point)).sum::<f32>() / num as f32,
     }
 }
 
