@@ -1,12 +1,11 @@
-//! Mirrors of a scene: where photographs show the room reflected, as clean
-//! surfaces.
+//! Mirrors of a scene: where photographs show the room reflected, as clean surfaces.
 //!
 //! Training does not know of mirrors. It makes a second room behind the wall of what a mirror
 //! shows, or paints it on the wall, differently for each direction. Neither shows more than the
 //! photographs do, and both stay as they are when lamps are switched or things move. What a mirror
-//! shows is known, however: the first room. On each plane of the scene (`plane`) photographs
-//! are compared with the mirror image of the trained room (`wall`); where it explains them better
-//! than any paint does, a mirror hangs (`outline`).
+//! shows is known, however: the first room. On each plane of the scene (`plane`) photographs are
+//! compared with the mirror image of the trained room (`wall`); where it explains them better than
+//! any paint does, a mirror hangs (`outline`).
 //!
 //! - [`Evidence`]: pixels of the views, and where the trained scene has them.
 //! - [`find`]: from there to [`Mirror`]s.
@@ -27,7 +26,8 @@ use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, Gloss};
 use eagpt_trace::{TraceError, Tracer};
 use evidence::Seen;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
+use outline::Outline;
 use plane::Plane;
 use serde::{Deserialize, Serialize};
 use wall::{Hung, Wall};
@@ -91,12 +91,9 @@ impl Mirror {
 
     /// Whether a point lies before, in or behind it.
     fn covers(&self, point: Vec3) -> bool {
-        let along = |edge: Vec3| 2.0 * (point - self.centre).dot(edge) / edge.length_squared();
-        let [x, y] = self.edges.map(along);
-        match self.is_round {
-            true => x * x + y * y <= 1.0,
-            false => x.abs().max(y.abs()) <= 1.0,
-        }
+        // In parts of its edges.
+        let along = |edge: Vec3| (point - self.centre).dot(edge) / edge.length_squared();
+        Outline::centred(Vec2::ONE, self.is_round).has(self.edges.map(along).into())
     }
 
     /// Its gloss: that of bare metal.
@@ -154,7 +151,7 @@ pub fn find(
     for plane in plane::planes(&evidence.seen, scale.near, key) {
         while let Some(hung) = Wall::new(&seen, scale, plane, up).mirror(plane, tracer)? {
             let mirror = Mirror::new(&hung);
-            // What is seen in a mirror is no evidence of another one.
+            // Images in a mirror are no evidence of another one.
             let is_before = |seen: &Seen| mirror.plane().height(seen.position()) > scale.past();
             seen.retain(|seen| {
                 mirror.meet(seen.origin, seen.direction).is_none() || is_before(seen)

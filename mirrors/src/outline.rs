@@ -6,7 +6,7 @@ use glam::Vec2;
 /// as much against it as its inside does for it, the best square is 1.6 radii wide.
 const ROUND: [f32; 5] = [1.05, 1.13, 1.2, 1.27, 1.35];
 
-/// A rectangle or an ellipse along the axes of a wall, in cells.
+/// A rectangle or an ellipse along two axes, in cells where nothing else is said.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Outline {
     pub(crate) lower: Vec2,
@@ -15,6 +15,15 @@ pub(crate) struct Outline {
 }
 
 impl Outline {
+    /// The outline of this size around the origin.
+    pub(crate) fn centred(size: Vec2, is_round: bool) -> Self {
+        Self {
+            lower: -0.5 * size,
+            upper: 0.5 * size,
+            is_round,
+        }
+    }
+
     /// Middle, in cells.
     pub(crate) fn centre(&self) -> Vec2 {
         0.5 * (self.lower + self.upper)

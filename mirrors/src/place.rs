@@ -7,7 +7,8 @@ use eagpt_trace::blend::Contribution;
 use eagpt_trace::features::GBuffer;
 use eagpt_trace::{Features, TraceError, Tracer};
 
-/// What is this near to the plane of a mirror, in thicknesses of surfaces, is of it.
+/// Height above or below the plane of a mirror up to which a Gaussian is of it, in thicknesses of
+/// surfaces.
 const AT_PLANE: f32 = 1.5;
 /// Share of the weight of a Gaussian in pixels that show what is mirrored from which on it is of
 /// that, and the same of one close before a mirror.
@@ -130,15 +131,15 @@ impl<'a> Room<'a> {
         Ok(self.tracer.contributions(camera, &value)?.1)
     }
 
-    /// What has to go, and the discs of the mirrors, which are fixed. In and behind them all goes
-    /// that is seen in their place, before them what shows what they reflect.
+    /// The edit that takes out what mirrors replace and brings their discs, which are fixed. In and
+    /// behind them all goes that is seen in their place, before them what shows what they reflect.
     pub fn edit(&self) -> SceneEdit {
         let goes = |i: usize| {
             let (position, all) = (self.gaussians.positions[i], self.weights[i]);
             self.mirrors.iter().zip(&self.shown).any(|(mirror, shown)| {
                 let (shown, height) = (shown[i], mirror.plane().height(position));
                 if height.abs() <= AT_PLANE * self.scale.near && mirror.covers(position) {
-                    // What is large and reaches beyond is of the wall around.
+                    // A large one that reaches beyond is of the wall around.
                     return shown.in_mirror >= SHARE_SHOWN * all;
                 }
                 let (of_mirror, share) = match height {

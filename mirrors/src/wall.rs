@@ -140,24 +140,28 @@ impl<'a> Wall<'a> {
 
     /// Pixels that see the plane within the wall, or something behind it.
     fn sights(&self, plane: Plane) -> Vec<Sight> {
-        let sight = |(index, seen): (usize, &Seen)| {
-            let distance = plane.meet(seen.origin, seen.direction)?;
-            let height = match seen.distance.is_finite() {
-                true => plane.height(seen.position()),
-                false => f32::NEG_INFINITY,
-            };
-            let is_flat = -plane.normal.dot(seen.direction) < LEAST_COSINE;
-            if is_flat || height > self.scale.past() {
-                return None;
-            }
-            Some(Sight {
-                seen: index,
-                cell: self.cell(seen.origin + seen.direction * distance)?,
-                distance,
-                height,
-            })
+        let all = 0..self.seen.len();
+        all.filter_map(|index| self.sight(plane, index)).collect()
+    }
+
+    /// A pixel by its index, if it is one of [`Self::sights`].
+    fn sight(&self, plane: Plane, index: usize) -> Option<Sight> {
+        let seen = &self.seen[index];
+        let distance = plane.meet(seen.origin, seen.direction)?;
+        let height = match seen.distance.is_finite() {
+            true => plane.height(seen.position()),
+            false => f32::NEG_INFINITY,
         };
-        self.seen.iter().enumerate().filter_map(sight).collect()
+        let is_flat = -plane.normal.dot(seen.direction) < LEAST_COSINE;
+        if is_flat || height > self.scale.past() {
+            return None;
+        }
+        Some(Sight {
+            seen: index,
+            cell: self.cell(seen.origin + seen.direction * distance)?,
+            distance,
+            height,
+        })
     }
 
     /// The cell of a point of the plane.
@@ -208,14 +212,13 @@ impl<'a> Wall<'a> {
     /// than from the colour of their cell.
     fn best(&self, plane: Plane, compared: &[Compared]) -> Option<Hung> {
         let colors = self.colors(compared);
-        let middles = Scores {
-            width: self.num[0],
-            cells: vec![0.0; colors.len()],
-        };
         let mut tint = Vec3::splat(REFLECTANCE.ln());
         let mut found = None;
         for _ in 0..ROUNDS {
-            let mut scores = middles.clone();
+            let mut scores = Scores {
+                width: self.num[0],
+                cells: vec![0.0; colors.len()],
+            };
             let mut apart = vec![(0.0, 0.0); colors.len()];
             for pixel in compared {
                 let cell = pixel.sight.cell;
@@ -314,11 +317,7 @@ impl<'a> Wall<'a> {
 impl Hung {
     /// Whether a point of its plane lies in it.
     pub(crate) fn has(&self, point: Vec3) -> bool {
-        let outline = Outline {
-            lower: -0.5 * self.size,
-            upper: 0.5 * self.size,
-            is_round: self.is_round,
-        };
+        let outline = Outline::centred(self.size, self.is_round);
         outline.has(coordinates(self.axes, point - self.centre))
     }
 }

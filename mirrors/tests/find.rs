@@ -75,7 +75,7 @@ fn open_room(mirror: &Mirror) -> impl Iterator<Item = Gaussian> {
         .filter(move |g| !is_behind(g))
 }
 
-/// What training makes of a mirror: the reflected room behind its wall.
+/// A mirror as training has it: the reflected room behind its wall.
 fn reflected_room(mirror: &Mirror) -> Gaussians {
     let beyond = room(Vec3::ZERO, 0).into_iter().map(|g| Gaussian {
         position: g.position * Vec3::new(1.0, -1.0, 1.0) + Vec3::Y * 2.0 * PLANE,

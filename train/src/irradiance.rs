@@ -8,7 +8,9 @@
 
 pub mod smooth;
 
-use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
+use eagpt_scene::rng::RandomKey;
+use eagpt_trace::transport::matrix::{Directions, Receiver, TransportMatrix};
+use eagpt_trace::{TraceError, Tracer};
 use glam::Vec3;
 use smooth::Smoothing;
 
@@ -37,6 +39,24 @@ pub fn usual_samples(num: usize) -> u32 {
 /// `num_samples` directions at each Gaussian, at least 1.
 pub fn directions(num_samples: u32) -> Directions {
     Directions::divided(num_samples, LIGHTS_EVERY)
+}
+
+/// Irradiance over π that `receivers` get of emitters and of the `radiances` that all Gaussians of
+/// `tracer` carry, `[n]`, by `num_samples` directions each, not smoothed, `[receivers]`.
+///
+/// # Errors
+/// If the device fails.
+pub(crate) fn received(
+    tracer: &dyn Tracer,
+    receivers: &[Receiver],
+    radiances: &[Vec3],
+    (num_samples, key): (u32, RandomKey),
+) -> Result<Vec<Vec3>, TraceError> {
+    let directions = directions(num_samples);
+    let matrix = tracer.trace_transport(receivers, directions, key)?;
+    let indirect = matrix.from_others(directions, radiances);
+    let both = matrix.direct.iter().zip(&indirect);
+    Ok(both.map(|(direct, others)| *direct + *others).collect())
 }
 
 /// Light that receivers get, with its noise.

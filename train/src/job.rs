@@ -68,10 +68,6 @@ pub fn train(
         next_scene: None,
         gloss: RunGloss::default(),
         mirrors: Vec::new(),
-        num_frames: lights
-            .iter()
-            .map(|light| light.dataset.frames().len())
-            .sum(),
     };
     let of_splits = lights.iter().flat_map(|light| &light.split.warnings);
     for warning in of_splits.chain(&resumed.warnings) {

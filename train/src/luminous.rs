@@ -51,12 +51,9 @@ pub(crate) fn luminous(
     let tracer = device.scene(scene)?;
     let mut receivers = surfaces::seen(&*tracer, scene.len(), cameras)?;
     receivers.retain(|(i, _)| may_be(*i as usize));
-    let directions = irradiance::directions(num_samples);
-    let matrix = tracer.trace_transport(&receivers, directions, key)?;
-    let indirect = matrix.from_others(directions, &scene.radiances);
-    let white = (matrix.direct.iter().zip(&indirect)).map(|(direct, others)| *direct + *others);
+    let white = irradiance::received(&*tracer, &receivers, &scene.radiances, (num_samples, key))?;
     let receivers = receivers.iter().map(|(i, _)| *i as usize);
-    let white = white.map(|white| luminance(white.to_array()));
+    let white = white.into_iter().map(|white| luminance(white.to_array()));
     Ok(receivers
         .zip(white)
         .map(|(i, white)| (i, light(i) > EXCESS * white))

@@ -63,7 +63,7 @@ impl Views {
     }
 
     /// Number of frames of all datasets.
-    fn num_frames(&self) -> usize {
+    pub(crate) fn num_frames(&self) -> usize {
         (0..self.num_lights())
             .map(|light| self.dataset(light).frames().len())
             .sum()

@@ -5,7 +5,6 @@ use crate::plane::{Plane, fitted};
 use eagpt_scene::median::median_of;
 use eagpt_trace::{TraceError, Tracer};
 use glam::Vec2;
-use std::collections::HashSet;
 
 /// Pixels by which a plane is moved, about.
 const NUM_COMPARED: usize = 2000;
@@ -41,12 +40,11 @@ impl Wall<'_> {
             return Ok(surface);
         }
         let step = all.len().div_ceil(NUM_COMPARED).max(1);
-        let some: HashSet<usize> = all.iter().step_by(step).map(|sight| sight.seen).collect();
+        let some: Vec<usize> = all.iter().step_by(step).map(|sight| sight.seen).collect();
         let tint = hung.reflectance.map(f32::ln);
         let error = |plane: Plane| -> Result<f32, TraceError> {
-            let sights = self.sights(plane).into_iter();
-            let sights = sights.filter(|sight| some.contains(&sight.seen)).collect();
-            let compared = self.compare(plane, sights, tracer)?;
+            let sights = some.iter().filter_map(|index| self.sight(plane, *index));
+            let compared = self.compare(plane, sights.collect(), tracer)?;
             let sum: f32 = compared.iter().map(|pixel| pixel.off(tint)).sum();
             // A pixel that does not see the plane any more is not explained.
             Ok(sum + (some.len() - compared.len()) as f32)

@@ -21,8 +21,8 @@ use rayon::prelude::*;
 use std::convert::Infallible;
 
 /// Frame of `camera`, given the composited features of its camera rays and, of a glossy scene,
-/// their record (`0-bounce` without mirrors needs none). Deterministic for a seed: each pixel has its own random
-/// numbers and adds its samples in order.
+/// their record (`0-bounce` without mirrors needs none). Deterministic for a seed: each pixel has
+/// its own random numbers and adds its samples in order.
 pub(super) fn render(
     scene: &CpuScene,
     camera: &Camera,

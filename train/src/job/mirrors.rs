@@ -134,15 +134,8 @@ fn reflected(tracer: &dyn Tracer, scene: &Gaussians, num: usize, seed: u64) -> R
         (i as u32, surface)
     };
     let receivers: Vec<Receiver> = discs.clone().map(receiver).collect();
-    let directions = irradiance::directions(NUM_SAMPLES);
-    let key = RandomKey::new(seed, Purpose::Albedo, 3);
-    let matrix = tracer.trace_transport(&receivers, directions, key)?;
-    let indirect = matrix.from_others(directions, &scene.radiances);
-    let received = matrix
-        .direct
-        .iter()
-        .zip(indirect)
-        .map(|(direct, others)| *direct + others);
+    let sampling = (NUM_SAMPLES, RandomKey::new(seed, Purpose::Albedo, 3));
+    let received = irradiance::received(tracer, &receivers, &scene.radiances, sampling)?;
     let reflected = discs.zip(received);
     Ok(reflected
         .map(|(i, light)| scene.gloss[i].specular * light)

@@ -24,8 +24,6 @@ pub(super) struct Run<'a> {
     pub(super) gloss: RunGloss,
     /// Mirrors that were put into the scene.
     pub(super) mirrors: Vec<Mirror>,
-    /// Number of frames of the dataset.
-    pub(super) num_frames: usize,
 }
 
 impl Run<'_> {

@@ -89,7 +89,7 @@ impl Run<'_> {
             let mut view = views.at(stage, iteration)?;
             backend.show_light(view.light)?;
             if stage == Stage::Albedo {
-                view = self.gloss.diffuse_view(view, self.num_frames);
+                view = self.gloss.diffuse_view(view, views.num_frames());
             }
             for step in self.step(backend, &view, position, iteration)? {
                 self.note(&mut log, position, total, &step)?;
