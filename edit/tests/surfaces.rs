@@ -122,6 +122,40 @@ fn a_quad_is_opaque_and_as_large_as_its_edges() {
 }
 
 #[test]
+fn flat_surfaces_and_boxes_have_sharp_edges_and_corners() {
+    let spacing = 0.05;
+    let quad = Solid::Quad {
+        centre: Vec3::ZERO,
+        edges: [Vec3::X, Vec3::Y],
+    };
+    let cube = Solid::Box {
+        centre: Vec3::new(0.0, 0.0, -0.5),
+        size: Vec3::ONE,
+        rotation: Quat::IDENTITY,
+    };
+    for solid in [quad, cube] {
+        let scene = CpuScene::new(&surface(solid, Some(spacing)).discs());
+        let alpha = |x: f32, y: f32| {
+            let ray = Ray::free([x, y, 3.0], [0.0, 0.0, -1.0]);
+            scene.trace(&ray).alpha()
+        };
+        // Half a spacing before and beyond the edge, along it and at its ends.
+        let (inside, outside) = (0.5 - 0.5 * spacing, 0.5 + 0.5 * spacing);
+        for along in [-inside, -0.31, 0.0, 0.17, inside] {
+            for (near, far) in [(inside, outside), (-inside, -outside)] {
+                for (before, beyond) in [
+                    (alpha(along, near), alpha(along, far)),
+                    (alpha(near, along), alpha(far, along)),
+                ] {
+                    assert!(before > 0.95, "{solid:?} {along} {near}: {before}");
+                    assert!(beyond < 0.05, "{solid:?} {along} {far}: {beyond}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn a_box_is_closed_and_faces_outwards() {
     let centre = Vec3::new(0.0, 1.0, 0.0);
     let size = Vec3::new(0.4, 0.6, 0.8);

@@ -2,7 +2,8 @@
 //! training.
 //!
 //! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred
-//! through anywhere.
+//! through anywhere. Towards the edges of flat surfaces, and the ends of tubes, discs become thinner:
+//! soft borders as wide as a spacing would be what views show of a bright window's edge.
 
 use crate::gaussians::{Gaussian, Gaussians};
 use crate::gloss::Gloss;
@@ -15,9 +16,15 @@ use std::f32::consts::PI;
 const SCALE_IN_SPACINGS: f32 = 0.75;
 /// Opacity of a disc.
 const OPACITY: f32 = 0.99;
-/// Distance of the outermost discs of a flat surface from its edge, in spacings: with the two
+/// Spacing of the outermost rows of discs, in that of the others, and how much wider each row
+/// further in is, until it has that.
+const EDGE_SPACING: f32 = 0.125;
+const GROWTH: f32 = 1.5;
+/// Rows at either end that are narrower than the others: `1.5^6 > 8`.
+const NUM_NARROW: usize = 6;
+/// Distance of the outermost discs of a flat surface from its edge, in their spacings: with the
 /// values above, what the soft border of the discs covers beyond the edge is what it leaves open
-/// before it (integrated numerically).
+/// before it (integrated numerically; 1.13 where all rows are alike).
 const INSET_IN_SPACINGS: f32 = 1.14;
 /// Discs of a surface whose spacing is not given.
 const DEFAULT_NUM_DISCS: f32 = 2500.0;
@@ -39,7 +46,8 @@ pub struct Surface {
     pub solid: Solid,
     /// Its material.
     pub material: Material,
-    /// Distance of neighbouring discs, scene units, positive; `None` for some 2,500 discs.
+    /// Distance of neighbouring discs away from edges, scene units, positive; `None` for as many
+    /// as 2,500 discs would be without narrow ones.
     pub spacing: Option<f32>,
 }
 
@@ -198,11 +206,10 @@ impl Surface {
     fn cover_quad(&self, centre: Vec3, [u, v]: [Vec3; 2], spacing: f32, out: &mut Vec<Gaussian>) {
         let rotation = turned(u.normalize(), u.cross(v).normalize());
         let [across, up] = rows([u, v], spacing);
-        let scale = Vec2::new(across.spacing, up.spacing) * SCALE_IN_SPACINGS;
-        for j in 0..up.num {
-            for i in 0..across.num {
-                let position = centre + u * across.place(i) + v * up.place(j);
-                out.push(self.disc(position, scale, rotation));
+        for (y, height) in up.discs() {
+            for (x, width) in across.discs() {
+                let scale = Vec2::new(width, height) * SCALE_IN_SPACINGS;
+                out.push(self.disc(centre + u * x + v * y, scale, rotation));
             }
         }
     }
@@ -216,16 +223,12 @@ impl Surface {
         out: &mut Vec<Gaussian>,
     ) {
         let rotation = turned(u.normalize(), u.cross(v).normalize());
-        let up = Row::new(v.length(), spacing);
-        for j in 0..up.num {
-            let place = up.place(j);
+        for (y, height) in Row::new(v.length(), spacing).discs() {
             // Twice the place is in parts of the half axis.
-            let share = (1.0 - 4.0 * place * place).max(0.0).sqrt();
-            let across = Row::new(u.length() * share, spacing);
-            let scale = Vec2::new(across.spacing, up.spacing) * SCALE_IN_SPACINGS;
-            for i in 0..across.num {
-                let position = centre + u * (share * across.place(i)) + v * place;
-                out.push(self.disc(position, scale, rotation));
+            let share = (1.0 - 4.0 * y * y).max(0.0).sqrt();
+            for (x, width) in Row::new(u.length() * share, spacing).discs() {
+                let scale = Vec2::new(width, height) * SCALE_IN_SPACINGS;
+                out.push(self.disc(centre + u * (share * x) + v * y, scale, rotation));
             }
         }
     }
@@ -235,8 +238,7 @@ impl Surface {
         let slope = (radii[1] - radii[0]) / axis.length();
         let along = Row::new(axis.length().hypot(radii[1] - radii[0]), spacing);
         let to_world = rotation::from_z_to(axis.normalize());
-        for j in 0..along.num {
-            let place = along.place(j);
+        for (j, (place, height)) in along.discs().enumerate() {
             let ring = Ring::new(radii[0] + (radii[1] - radii[0]) * (place + 0.5), spacing);
             for i in 0..ring.num {
                 // Rows are shifted against each other by half a disc.
@@ -245,7 +247,7 @@ impl Surface {
                 let radial = to_world * Vec3::new(cos, sin, 0.0);
                 let normal = (to_world * Vec3::new(cos, sin, -slope)).normalize();
                 let x_axis = to_world * Vec3::new(-sin, cos, 0.0);
-                let scale = Vec2::new(ring.spacing, along.spacing) * SCALE_IN_SPACINGS;
+                let scale = Vec2::new(ring.spacing, height) * SCALE_IN_SPACINGS;
                 let position = centre + axis * place + radial * ring.radius;
                 out.push(self.disc(position, scale, turned(x_axis, normal)));
             }
@@ -309,31 +311,71 @@ impl Ring {
     }
 }
 
-/// Discs along an edge.
+/// Discs along an edge, narrow at either end.
 struct Row {
     num: usize,
-    spacing: f32,
     length: f32,
+    /// That of the discs that are not narrow, scene units.
+    spacing: f32,
 }
 
 impl Row {
     fn new(length: f32, wanted: f32) -> Self {
-        // Gaps between the discs, and the inset at either end.
-        let gaps = length / wanted - 2.0 * INSET_IN_SPACINGS;
-        let num = ((gaps.round() + 1.0) as usize).max(MIN_ROW_DISCS);
-        let spacing = length / ((num - 1) as f32 + 2.0 * INSET_IN_SPACINGS);
+        let most_narrow = 2 * NUM_NARROW + 1;
+        let more = (length / wanted - spacings(most_narrow)).round();
+        let off = |num: usize| (spacings(num) * wanted - length).abs();
+        let few = || (MIN_ROW_DISCS..=most_narrow).min_by(|a, b| off(*a).total_cmp(&off(*b)));
+        let num = match more >= 1.0 {
+            true => most_narrow + more as usize,
+            false => few().unwrap_or(MIN_ROW_DISCS),
+        };
         Self {
             num,
-            spacing,
             length,
+            spacing: length / spacings(num),
         }
     }
 
-    /// Position of a disc, as a share of the edge from its middle, −0.5 to 0.5.
-    fn place(&self, index: usize) -> f32 {
-        let from_middle = index as f32 - 0.5 * (self.num - 1) as f32;
-        from_middle * self.spacing / self.length
+    /// Place of each disc, as a share of the edge from its middle, −0.5 to 0.5, and its spacing,
+    /// scene units.
+    fn discs(&self) -> impl Iterator<Item = (f32, f32)> {
+        (0..self.num).map(|i| {
+            let (before, behind) = (i, self.num - 1 - i);
+            let nearest = before.min(behind);
+            let from_middle = 0.5 - depth(nearest) * self.spacing / self.length;
+            let place = if before < behind {
+                -from_middle
+            } else {
+                from_middle
+            };
+            (place, width(nearest) * self.spacing)
+        })
     }
+}
+
+/// Width of a disc, the `k`-th from an end of its row, in spacings.
+fn width(k: usize) -> f32 {
+    let grown = (0..k.min(NUM_NARROW)).fold(EDGE_SPACING, |width, _| GROWTH * width);
+    grown.min(1.0)
+}
+
+/// Distance of its middle from the end, in spacings.
+fn depth(k: usize) -> f32 {
+    let narrow = k.min(NUM_NARROW);
+    let gaps = (0..narrow).map(|i| 0.5 * (width(i) + width(i + 1)));
+    INSET_IN_SPACINGS * EDGE_SPACING + gaps.sum::<f32>() + (k - narrow) as f32
+}
+
+/// Length of an edge with `num` discs, in spacings.
+fn spacings(num: usize) -> f32 {
+    let middle = (num - 1) / 2;
+    // The two in the middle of an even number are as far from each other as they are wide.
+    let between = if num.is_multiple_of(2) {
+        width(middle)
+    } else {
+        0.0
+    };
+    2.0 * depth(middle) + between
 }
 
 /// The faces of a box about the origin: edges with `u × v` outwards, and the middle.

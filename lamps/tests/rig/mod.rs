@@ -4,8 +4,9 @@
 
 use eagpt_lamps::shape::Shape;
 use eagpt_scene::discs::{Material, Solid, Surface};
-use eagpt_scene::{Camera, Gaussian, Gaussians, Gloss, Image, View};
-use glam::{DVec3, Quat, Vec3};
+use eagpt_scene::rotation;
+use eagpt_scene::{Camera, Gaussian, Gaussians, Gloss, Harmonics, Image, View};
+use glam::{DVec3, Mat3, Quat, Vec2, Vec3};
 
 /// Rays along each axis of a pixel of a photograph.
 const RAYS: u32 = 8;
@@ -14,25 +15,11 @@ const WALL: Vec3 = Vec3::new(0.3, 0.25, 0.2);
 
 /// A closed room of 4 × 4 × 2.5 from the floor at z = 0.
 pub(crate) fn room() -> Gaussians {
-    let material = Material {
-        albedo: Vec3::splat(0.5),
-        radiance: None,
-        gloss: Gloss::NONE,
-    };
     let size = Vec3::new(4.0, 4.0, 2.5);
-    let solid = Solid::Box {
-        centre: Vec3::new(0.0, 0.0, 1.25),
-        size,
-        rotation: Quat::IDENTITY,
-    };
-    let surface = Surface {
-        solid,
-        material,
-        spacing: Some(0.12),
-    };
-    (surface.discs().iter())
+    wide_discs(Vec3::new(0.0, 0.0, 1.25), size, Quat::IDENTITY, 0.12)
         .map(|disc| Gaussian {
             radiance: WALL,
+            albedo: Vec3::splat(0.5),
             ..disc
         })
         .collect()
@@ -123,25 +110,73 @@ pub(crate) fn patch(centre: Vec3, edges: [Vec3; 2], radiance: Option<Vec3>) -> G
 /// A lamp as training leaves it: discs on its surface that stick out of it.
 pub(crate) fn heap(shape: &Shape, radiance: Vec3) -> Vec<Gaussian> {
     let (centre, size, rotation) = (shape.centre(), shape.size(), shape.rotation());
-    let solid = match shape {
-        Shape::Ball { radius, .. } => Solid::Ball {
+    let spacing = 0.3 * size.max_element().min(0.1);
+    let Shape::Ball { radius, .. } = shape else {
+        return wide_discs(centre, size.max(Vec3::splat(0.01)), rotation, spacing)
+            .map(|disc| Gaussian {
+                radiance,
+                emission: 1.0,
+                ..disc
+            })
+            .collect();
+    };
+    let surface = Surface {
+        solid: Solid::Ball {
             centre,
             radius: 0.9 * radius,
         },
-        _ => Solid::Box {
-            centre,
-            size: size.max(Vec3::splat(0.01)),
-            rotation,
-        },
-    };
-    let surface = Surface {
-        solid,
         material: Material {
             albedo: Vec3::ZERO,
             radiance: Some(radiance),
             gloss: Gloss::NONE,
         },
-        spacing: Some(0.3 * size.max_element().min(0.1)),
+        spacing: Some(spacing),
     };
     surface.discs().iter().collect()
+}
+
+/// Dark discs on a box, as wide at its edges as elsewhere: training makes no narrow ones there.
+fn wide_discs(
+    centre: Vec3,
+    size: Vec3,
+    rotation: Quat,
+    spacing: f32,
+) -> impl Iterator<Item = Gaussian> {
+    const INSET: f32 = 1.14;
+    // Shares of an edge from its middle, and the spacing.
+    let row = move |edge: Vec3| {
+        let length = edge.length();
+        let num = (length / spacing - 2.0 * INSET).round().max(1.0) + 1.0;
+        let own = length / (num - 1.0 + 2.0 * INSET);
+        let place = move |i: u16| (f32::from(i) - 0.5 * (num - 1.0)) * own / length;
+        ((0..num as u16).map(place), own)
+    };
+    (0..6_usize).flat_map(move |face| {
+        let [u, v, out] = [1, 2, 0].map(|axis| {
+            let axis = Vec3::AXES[(face / 2 + axis) % 3];
+            axis * size.dot(axis)
+        });
+        let (edges, out) = match face % 2 {
+            0 => ([u, v], out),
+            _ => ([v, u], -out),
+        };
+        let [u, v] = edges.map(|edge| rotation * edge);
+        let middle = centre + rotation * (0.5 * out);
+        let (x_axis, normal) = (u.normalize(), u.cross(v).normalize());
+        let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
+        let ((across, width), (up, height)) = (row(u), row(v));
+        up.flat_map(move |y| {
+            (across.clone()).map(move |x| Gaussian {
+                position: middle + u * x + v * y,
+                scale: 0.75 * Vec2::new(width, height),
+                rotation: rotation::unit(Quat::from_mat3(&frame)),
+                opacity: 0.99,
+                radiance: Vec3::ZERO,
+                harmonics: Harmonics::NONE,
+                gloss: Gloss::NONE,
+                emission: 0.0,
+                albedo: Vec3::ZERO,
+            })
+        })
+    })
 }
