@@ -22,6 +22,9 @@ use std::ops::ControlFlow;
 /// Views compared, at most.
 pub(crate) const MOST_VIEWS: usize = 16;
 
+/// Rays along each axis of a pixel: as many as `eagpt render` takes where nothing else is told.
+const RAYS_PER_AXIS: u32 = 2;
+
 /// How a scene in its own light compares with the photographs of training views.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OwnLight {
@@ -77,7 +80,8 @@ pub(crate) fn compare(
     let (mut total, mut num_views) = (0.0, 0);
     for training in views {
         let view = training?.view;
-        let features = tracer.gbuffer(&view.camera)?;
+        let finer = view.camera.magnified(RAYS_PER_AXIS);
+        let features = tracer.gbuffer(&finer)?.averaged(RAYS_PER_AXIS);
         let rendered = features.radiance();
         let seen;
         let emission = match &view.emission {
