@@ -12,7 +12,7 @@ use clap::{Args, ValueEnum};
 use eagpt_scene::Shard;
 use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, MAX_BOUNCES, ROULETTE_FROM, Sampling};
-use eagpt_trace::{Integrator, LightOptions};
+use eagpt_trace::{CameraRays, Integrator, LightOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -58,7 +58,7 @@ pub(crate) struct RenderArgs {
     pub(crate) spp: u32,
     /// Rays along each axis of a pixel, at least 1: a pixel is the mean over its area. Samples are
     /// divided among them
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    #[arg(long, value_name = "N", default_value_t = CameraRays::RAYS_PER_AXIS, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub(super) antialias: u32,
     /// Maximum path depth: bounces, at least 1
     #[arg(long, value_name = "N", default_value_t = MAX_BOUNCES, value_parser = clap::value_parser!(u32).range(1..))]

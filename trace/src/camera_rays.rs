@@ -29,7 +29,8 @@ impl From<Camera> for CameraRays {
 }
 
 impl CameraRays {
-    /// Rays along each axis of a pixel that is split.
+    /// Rays along each axis of a pixel that is split, and of every pixel of a rendering where
+    /// nothing else is told.
     pub const RAYS_PER_AXIS: u32 = 2;
 
     /// 2×2 rays in the pixels that `split` holds for, row by row, and one through the centre of

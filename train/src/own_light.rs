@@ -14,16 +14,13 @@ use crate::progress::BakeProgress;
 use eagpt_eval::{ExposureFit, KnownPixels, psnr_srgb};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Camera, Gaussians, Image};
-use eagpt_trace::Device;
 use eagpt_trace::transport::MAX_BOUNCES;
+use eagpt_trace::{CameraRays, Device};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
 /// Views compared, at most.
 pub(crate) const MOST_VIEWS: usize = 16;
-
-/// Rays along each axis of a pixel: as many as `eagpt render` takes where nothing else is told.
-const RAYS_PER_AXIS: u32 = 2;
 
 /// How a scene in its own light compares with the photographs of training views.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -80,8 +77,8 @@ pub(crate) fn compare(
     let (mut total, mut num_views) = (0.0, 0);
     for training in views {
         let view = training?.view;
-        let finer = view.camera.magnified(RAYS_PER_AXIS);
-        let features = tracer.gbuffer(&finer)?.averaged(RAYS_PER_AXIS);
+        let finer = view.camera.magnified(CameraRays::RAYS_PER_AXIS);
+        let features = tracer.gbuffer(&finer)?.averaged(CameraRays::RAYS_PER_AXIS);
         let rendered = features.radiance();
         let seen;
         let emission = match &view.emission {

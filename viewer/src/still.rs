@@ -8,7 +8,7 @@ use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::{Display, ToneMap};
 use eagpt_scene::{Gaussians, files, png};
 use eagpt_trace::transport::{MAX_BOUNCES, ROULETTE_FROM};
-use eagpt_trace::{Integrator, LightOptions};
+use eagpt_trace::{CameraRays, Integrator, LightOptions};
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -19,8 +19,6 @@ use std::time::Instant;
 const MAX_SIZE: u32 = 4096;
 /// Most samples of a pixel.
 const MAX_SAMPLES: u32 = 4096;
-/// Rays along each axis of a pixel, as `eagpt render` has unless told otherwise.
-const RAYS_PER_AXIS: u32 = 2;
 /// Factor by which a first picture, which tells how long the other will take, is smaller along each
 /// axis.
 const FIRST_REDUCTION: u32 = 8;
@@ -121,12 +119,12 @@ impl Workshop {
         let job = RenderJob {
             scene: tracer.as_ref(),
             integrator: Integrator::Path {
-                num_samples: request.samples.div_ceil(RAYS_PER_AXIS.pow(2)),
+                num_samples: request.samples.div_ceil(CameraRays::RAYS_PER_AXIS.pow(2)),
                 max_bounces: MAX_BOUNCES,
                 roulette_from: Some(ROULETTE_FROM),
             },
             light: LightOptions::default(),
-            rays_per_axis: RAYS_PER_AXIS,
+            rays_per_axis: CameraRays::RAYS_PER_AXIS,
             denoiser: None,
             stop: &AtomicBool::new(false),
         };
