@@ -26,7 +26,8 @@ impl<S: Tracer> Trainer<S> {
         cameras: &[Camera],
     ) -> Result<usize> {
         let gaussians = &parameters.gaussians;
-        let scene = (self.gathering).insert(self.scene.device().scene(gaussians)?);
+        let lit = irradiance::with_bright_as_emitters(gaussians);
+        let scene = (self.gathering).insert(self.scene.device().scene(&lit)?);
         let irradiance = GaussianIrradiance::new(&**scene, gaussians.len(), cameras)?;
         let num = irradiance.len();
         self.cache = None;
