@@ -9,27 +9,38 @@ pub struct FittedPlane {
     /// Unit normal, the direction of the smallest variance, of either sign; `None` where the points
     /// have no such direction.
     pub normal: Option<Vec3>,
-    /// Variances times the number of points along the principal directions, ascending; the first is
-    /// how thick the points are.
+    /// Mean of the points.
+    pub centre: Vec3,
+    /// Variances times the sum of the weights of the points along the principal directions,
+    /// ascending; the first is how thick the points are.
     pub variances: [f64; 3],
 }
 
 impl FittedPlane {
     /// Fits a plane; sums run in the order of the points, in double precision.
     pub fn through(points: impl Iterator<Item = Vec3> + Clone) -> Self {
-        let num = points.clone().count() as f64;
-        let mean = points.clone().map(Vec3::as_dvec3).sum::<DVec3>() / num;
+        Self::weighted(points.map(|point| (point, 1.0)))
+    }
+
+    /// Fits a plane to points with weights, of which one at least is positive.
+    pub fn weighted(points: impl Iterator<Item = (Vec3, f64)> + Clone) -> Self {
+        let total: f64 = points.clone().map(|(_, weight)| weight).sum();
+        let weighted = points
+            .clone()
+            .map(|(point, weight)| weight * point.as_dvec3());
+        let mean = weighted.sum::<DVec3>() / total;
         let mut covariance = Matrix3::<f64>::zeros();
-        for point in points {
+        for (point, weight) in points {
             let d = point.as_dvec3() - mean;
             let d = Vector3::new(d.x, d.y, d.z);
-            covariance += d * d.transpose();
+            covariance += weight * d * d.transpose();
         }
         let eigen = SymmetricEigen::new(covariance);
         let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin());
         let mut variances: [f64; 3] = eigen.eigenvalues.into();
         variances.sort_unstable_by(f64::total_cmp);
         Self {
+            centre: mean.as_vec3(),
             normal: Vec3::new(normal[0] as f32, normal[1] as f32, normal[2] as f32).try_normalize(),
             variances,
         }

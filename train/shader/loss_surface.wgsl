@@ -32,11 +32,12 @@ fn surface_terms(
     let own = normal_of(means[pixel]);
     let has_own = dot(own, own) > 0.0;
     var normal = normal_of_target(pixel);
+    let is_on_map = any(normal != vec3f());
     var surface = vec4f();
-    if loss.has_map != 0u && any(normal != vec3f()) && has_own {
+    if is_on_map && has_own {
         surface = vec4f(one_minus_cosine(own, normal).w, 1.0, 0.0, 0.0);
     }
-    if loss.has_map == 0u && has_own {
+    if !is_on_map && has_own {
         normal = normalize(own);
     }
     terms[pixel].surface = surface;
@@ -61,7 +62,7 @@ fn surface_terms(
     }
     let term = one_minus_cosine(spanned, normal);
     var d_normal = vec3f();
-    if loss.has_map == 0u {
+    if !is_on_map {
         d_normal = one_minus_cosine(own, normalize(spanned)).xyz;
     }
     surfaces[pixel] = SurfaceGradient(cross(term.xyz, down), cross(across, term.xyz), d_normal);

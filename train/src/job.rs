@@ -31,6 +31,7 @@ use folder::Folder;
 use gloss::RunGloss;
 use lights::Light;
 use run::Run;
+use std::sync::Arc;
 use std::time::Instant;
 
 pub use fingerprint::light_part;
@@ -94,8 +95,9 @@ pub fn train(
         (None, None) => initial::checkpoint(&lights, &mut views, fingerprint.clone(), &mut run)?,
     };
     if options.stage != StageChoice::Albedo && options.radiance.weights.depth > 0.0 {
-        let discs = |light: &Light| -> Result<Option<Discs>> {
-            Ok(light.dataset.points()?.as_ref().map(Discs::new))
+        let discs = |light: &Light| -> Result<Option<Arc<Discs>>> {
+            let points = light.dataset.points()?;
+            Ok(points.as_ref().map(|points| Arc::new(Discs::new(points))))
         };
         views.look_for(lights.iter().map(discs).collect::<Result<_>>()?);
     }

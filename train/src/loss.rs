@@ -3,10 +3,11 @@
 //!
 //! `λc [0.8 L1 + 0.2 (1 − SSIM)](PQ(R), PQ(GT)) + λn mean(1 − Ñ·N_mono) + λd mean(1 − Ñ_d·N_mono) +
 //! λe mean|E − M| + λa mean|A − A_gt| + λp mean|D̃ − d|/d`. A view without a mask has no emission
-//! term; a view without a normal map compares Ñ and Ñ_d with each other, with weight λd. Pixels that
-//! are not known take part in no term, nor do windows of SSIM that touch one; means are those over
-//! the pixels that do, but that of distances is over all points that the view sees. Where a view is
-//! clipped the colour term sees the target in place of anything brighter.
+//! term; a view without a normal map has the normals of the points that it sees; where no normal is
+//! known Ñ and Ñ_d are compared with each other, with weight λd. Pixels that are not known take part
+//! in no term, nor do windows of SSIM that touch one; means are those over the pixels that do, but
+//! that of distances is over all points that the view sees. Where a view is clipped the colour term
+//! sees the target in place of anything brighter.
 //!
 //! Features over pixels are taken row by row in f64, rows in order: the same bits for any number of
 //! threads.
@@ -18,7 +19,7 @@ pub(crate) mod normal;
 pub mod target;
 
 use crate::options::LossWeights;
-use crate::points::SeenPoints;
+use crate::points::{PixelPoint, normal_map};
 use color::ColorLoss;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::{Image, View};
@@ -59,13 +60,13 @@ pub enum NormalTerms {
     On,
 }
 
-/// Loss of stage 0 for one view and its gradient dL/dV for every pixel. `points` are those of the
-/// cloud that it sees.
+/// Loss of stage 0 for one view and its gradient dL/dV for every pixel. `points` are what the
+/// cloud tells of its pixels.
 pub fn radiance_loss(
     features: &GBuffer,
     view: &View,
     target_pq: &Image<3>,
-    points: Option<&SeenPoints>,
+    points: Option<&[PixelPoint]>,
     weights: &LossWeights,
     normals: NormalTerms,
 ) -> (LossTerms, Vec<Features>) {
@@ -92,14 +93,15 @@ pub fn radiance_loss(
     }
 
     if normals == NormalTerms::On {
-        if let Some(map) = &view.normal {
+        let map = normal_map(points, view);
+        if let Some(map) = &map {
             terms.normal = normal_map_loss(features, map, weights.normal, known, &mut d_features);
             terms.total += weights.normal * terms.normal;
         }
         terms.depth_normal = depth_normal::add(
             features,
             &view.camera,
-            view.normal.as_ref(),
+            map.as_deref(),
             weights.depth_normal,
             known,
             &mut d_features,

@@ -1,11 +1,16 @@
-//! Points of the cloud that a view sees, which tell how far its surfaces are.
+//! The point cloud as a view sees it: how far surfaces are, and how they face.
 
-use eagpt_scene::Camera;
+mod normals;
+
 use eagpt_scene::ply::PointCloud;
-use glam::Vec3;
+use eagpt_scene::{Camera, Image, View};
+use glam::{Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use normals::MOST_NEIGHBOURS;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 
 /// Neighbours whose distances give the radius of a point.
 const NEIGHBOURS: usize = 3;
@@ -13,86 +18,183 @@ const NEIGHBOURS: usize = 3;
 const MAX_PIXELS: f32 = 16.0;
 /// A point is hidden that lies more than so many of its radii behind another.
 const HIDDEN: f32 = 3.0;
+/// Radius of the part of its plane that a point stands for, in its radii: on a grid of points most
+/// of a plane is covered, and little beyond its edge.
+const COVERED: f32 = 0.6;
+/// Most of that radius as seen at an angle.
+const MOST_OBLIQUE: f32 = 2.0;
+/// Of a pixel without a point.
+const NOTHING: u32 = u32::MAX;
 
 /// A point cloud whose points are discs that leave no holes between them.
 #[derive(Debug, Clone)]
 pub(crate) struct Discs {
-    positions: Vec<Vec3>,
+    /// Points, in the planes of their neighbours where they have one, `[n]`.
+    pub(crate) positions: Vec<Vec3>,
     /// Mean distance of the nearest neighbours, `[n]`, scene units.
-    radii: Vec<f32>,
+    pub(crate) radii: Vec<f32>,
+    /// Unit normals of either sign, or zero where the neighbours lie in no plane, `[n]`.
+    pub(crate) normals: Vec<Vec3>,
 }
 
-/// The points that one view sees.
-#[derive(Debug, Clone, PartialEq, Default)]
+/// The points that one view sees. One of a plane stands for the pixels about it, another for its
+/// own.
+#[derive(Debug, Clone)]
 pub struct SeenPoints {
-    /// Pixels, row by row, each once, and the distance from the eye of the point there, scene
-    /// units.
-    pub distances: Vec<(u32, f32)>,
+    pub(crate) discs: Arc<Discs>,
+    /// Point of each pixel, row by row, or [`NOTHING`].
+    pub(crate) of_pixels: Vec<u32>,
+}
+
+/// The surface that a point of the cloud tells of in a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelPoint {
+    /// Pixel, counted row by row.
+    pub pixel: u32,
+    /// Distance from the eye, scene units.
+    pub distance: f32,
+    /// Unit normal, towards the eye; zero where it is not known.
+    pub normal: Vec3,
+}
+
+impl SeenPoints {
+    /// What they tell of the pixels of `camera`, which is the one that sees them, row by row.
+    pub fn pixels(&self, camera: &Camera) -> Vec<PixelPoint> {
+        let frame = camera.ray_frame();
+        let told = |(pixel, point): (usize, &u32)| {
+            let i = *point as usize;
+            let place = *self.discs.positions.get(i)?;
+            let to_eye = frame.origin - place;
+            let normal = self.discs.normals[i];
+            let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
+            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+            let distance = match normal == Vec3::ZERO {
+                true => to_eye.length(),
+                false => {
+                    let distance = -to_eye.dot(normal) / direction.dot(normal);
+                    let off = (frame.origin + direction * distance).distance(place);
+                    let is_near = off <= MOST_OBLIQUE * self.discs.radii[i];
+                    is_near.then_some(distance)?
+                }
+            };
+            Some(PixelPoint {
+                pixel: pixel as u32,
+                distance,
+                normal: normal * normal.dot(to_eye).signum(),
+            })
+        };
+        let pixels = self.of_pixels.iter().enumerate();
+        pixels.filter_map(told).collect()
+    }
+}
+
+/// The normal map of `view`, or else the normals of the points that it sees, and zero elsewhere.
+pub(crate) fn normal_map<'a>(
+    points: Option<&[PixelPoint]>,
+    view: &'a View,
+) -> Option<Cow<'a, Image<3>>> {
+    let of_points = |points: &[PixelPoint]| {
+        let mut map = Image::filled(view.camera.width, view.camera.height, [0.0; 3]);
+        for point in points {
+            map.pixels_mut()[point.pixel as usize] = point.normal.to_array();
+        }
+        Cow::Owned(map)
+    };
+    let own = view.normal.as_ref().map(Cow::Borrowed);
+    own.or_else(|| points.map(of_points))
 }
 
 impl Discs {
     /// Discs at the points of `cloud`.
     pub(crate) fn new(cloud: &PointCloud) -> Self {
-        let positions = cloud.positions.clone();
+        let positions = &cloud.positions;
         let coordinates: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
         let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&coordinates);
-        let wanted = NonZeroUsize::new(NEIGHBOURS + 1).expect("a positive constant");
-        let radius = |point: &[f32; 3]| {
-            // The first neighbour is the point itself.
+        let wanted = NonZeroUsize::new(MOST_NEIGHBOURS).expect("a positive constant");
+        let shape = |point: &[f32; 3]| {
             let near = tree.nearest_n::<SquaredEuclidean>(point, wanted);
-            let near = near.iter().skip(1).map(|n| n.distance.sqrt());
-            near.sum::<f32>() / NEIGHBOURS as f32
+            // The first neighbour is the point itself.
+            let nearest = near.iter().skip(1).take(NEIGHBOURS);
+            let radius = nearest.map(|n| n.distance.sqrt()).sum::<f32>() / NEIGHBOURS as f32;
+            let near: Vec<Vec3> = near.iter().map(|n| positions[n.item as usize]).collect();
+            let (place, normal) = normals::plane(&near).unwrap_or((near[0], Vec3::ZERO));
+            (radius, (place, normal))
         };
+        let (radii, planes): (_, Vec<_>) = coordinates.par_iter().map(shape).unzip();
+        let (positions, normals) = planes.into_iter().unzip();
         Self {
-            radii: coordinates.par_iter().map(radius).collect(),
             positions,
+            radii,
+            normals,
         }
     }
 
     /// The points that `camera` sees: no disc lies before them.
-    pub(crate) fn seen_by(&self, camera: &Camera) -> SeenPoints {
-        let (width, height) = (camera.width as usize, camera.height as usize);
-        let mut nearest = vec![f32::INFINITY; width * height];
-        let is_inside = |at: Vec3| {
+    pub(crate) fn seen_by(self: &Arc<Self>, camera: &Camera) -> SeenPoints {
+        let num_pixels = camera.num_pixels();
+        let is_inside = |at: &Vec3| {
             at.z > 0.0
-                && (0.0..width as f32).contains(&at.x)
-                && (0.0..height as f32).contains(&at.y)
+                && (0.0..camera.width as f32).contains(&at.x)
+                && (0.0..camera.height as f32).contains(&at.y)
         };
-        let pixel = |at: Vec3| at.y as usize * width + at.x as usize;
-        let places: Vec<Vec3> = self.positions.iter().map(|p| camera.project(*p)).collect();
-        for (at, radius) in places.iter().zip(&self.radii) {
-            if !is_inside(*at) {
+        let places = self.positions.iter().map(|p| camera.project(*p));
+        let places: Vec<(usize, Vec3)> =
+            (0..).zip(places).filter(|(_, at)| is_inside(at)).collect();
+        let own = |at: Vec3| at.y as usize * camera.width as usize + at.x as usize;
+        let reach = |i: usize, at: Vec3| (self.radii[i] * camera.fx as f32 / at.z).min(MAX_PIXELS);
+        let mut nearest = vec![f32::INFINITY; num_pixels];
+        for &(i, at) in &places {
+            for (pixel, _) in around(camera, at, reach(i, at)) {
+                nearest[pixel] = nearest[pixel].min(at.z);
+            }
+        }
+        let mut of_pixels = vec![NOTHING; num_pixels];
+        let mut distances = vec![f32::INFINITY; num_pixels];
+        for &(i, at) in &places {
+            if at.z > nearest[own(at)] + HIDDEN * self.radii[i] {
                 continue;
             }
-            let reach = (radius * camera.fx as f32 / at.z).min(MAX_PIXELS);
-            let range = |middle: f32, size: usize| {
-                let last = (middle + reach) as usize;
-                (middle - reach).max(0.0) as usize..=last.min(size - 1)
+            let reach = match self.normals[i] == Vec3::ZERO {
+                true => 0.0,
+                false => COVERED * reach(i, at),
             };
-            for y in range(at.y, height) {
-                for x in range(at.x, width) {
-                    let depth = &mut nearest[y * width + x];
-                    *depth = depth.min(at.z);
+            for (pixel, distance) in around(camera, at, reach) {
+                if distance < distances[pixel] {
+                    (distances[pixel], of_pixels[pixel]) = (distance, i as u32);
                 }
             }
         }
-        let eye = camera.origin();
-        let mut seen: Vec<(u32, f32)> = (places.iter().zip(&self.radii).zip(&self.positions))
-            .filter(|((at, radius), _)| {
-                is_inside(**at) && at.z <= nearest[pixel(**at)] + HIDDEN * **radius
-            })
-            .map(|((at, _), point)| (pixel(*at) as u32, point.distance(eye)))
-            .collect();
-        seen.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        seen.dedup_by_key(|(pixel, _)| *pixel);
-        SeenPoints { distances: seen }
+        SeenPoints {
+            discs: Arc::clone(self),
+            of_pixels,
+        }
     }
+}
+
+/// The pixels of a square about a place in the image, `reach` pixels to its sides, and the squared
+/// distances of their middles.
+fn around(camera: &Camera, at: Vec3, reach: f32) -> impl Iterator<Item = (usize, f32)> + use<> {
+    let range = |middle: f32, size: u32| {
+        let last = (middle + reach) as u32;
+        (middle - reach).max(0.0) as u32..=last.min(size - 1)
+    };
+    let (columns, width) = (range(at.x, camera.width), camera.width);
+    range(at.y, camera.height).flat_map(move |y| {
+        columns.clone().map(move |x| {
+            let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            (
+                (y * width + x) as usize,
+                middle.distance_squared(at.truncate()),
+            )
+        })
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DAffine3, Vec2};
+    use eagpt_scene::rng::{Purpose, RandomKey};
+    use glam::DAffine3;
 
     /// Looks along −z from the origin: 40×30 pixels, 20 pixels a unit at distance 1.
     fn camera() -> Camera {
@@ -132,32 +234,68 @@ mod tests {
     fn a_view_sees_the_nearest_surface_through_each_pixel() {
         let (cloud, num_board) = wall_and_board();
         let camera = camera();
-        let seen = Discs::new(&cloud).seen_by(&camera);
-        let shown = |points: &[Vec3]| {
-            let inside = points.iter().map(|point| camera.project(*point));
-            let inside =
-                inside.filter(|at| (0.0..40.0).contains(&at.x) && (0.0..30.0).contains(&at.y));
-            inside.count()
-        };
-        let num_near = seen.distances.iter().filter(|(_, d)| *d < 3.0).count();
-        assert_eq!(num_near, num_board);
-        // The board hides 10×10 pixels, on which the wall has 8×8 points, and discs reach a pixel
-        // beyond its points.
-        let num_far = seen.distances.len() - num_near;
-        let num_wall = shown(&cloud.positions[num_board..]);
-        assert!(
-            (num_wall - 100..=num_wall - 64).contains(&num_far),
-            "{num_far} of {num_wall}"
-        );
-        let mut pixels: Vec<u32> = seen.distances.iter().map(|(pixel, _)| *pixel).collect();
-        pixels.dedup();
-        assert_eq!(pixels.len(), seen.distances.len());
-        for &(pixel, distance) in &seen.distances {
+        let seen = Arc::new(Discs::new(&cloud))
+            .seen_by(&camera)
+            .pixels(&camera);
+        let ray = |pixel: u32| {
             let at = Vec2::new((pixel % 40) as f32 + 0.5, (pixel / 40) as f32 + 0.5);
-            let ray = (at - Vec2::new(20.0, 15.0)) / 20.0;
-            let depth = if distance < 3.0 { 2.0 } else { 4.0 };
-            // Points lie up to half a pixel from the middle of theirs.
-            assert!((distance - depth * ray.extend(1.0).length()).abs() < 0.036 * depth);
+            (
+                at,
+                ((at - Vec2::new(20.0, 15.0)) / 20.0).extend(1.0).length(),
+            )
+        };
+        let board = cloud.positions[..num_board]
+            .iter()
+            .map(|p| camera.project(*p).truncate());
+        let (low, high) = board.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), at| {
+            (low.min(at), high.max(at))
+        });
+        let (mut num_near, mut num_far) = (0, 0);
+        for point in &seen {
+            let (at, ray) = ray(point.pixel);
+            // What a point covers ends half a pixel from it, or in the middle of the next pixel.
+            let depth = point.distance / ray;
+            if at.cmpge(low).all() && at.cmple(high).all() {
+                assert!((depth - 2.0).abs() < 1e-3, "{point:?}");
+                num_near += 1;
+            } else if at.cmplt(low - 1.5).any() || at.cmpgt(high + 1.5).any() {
+                assert!((depth - 4.0).abs() < 1e-3, "{point:?}");
+                num_far += 1;
+            }
+            assert!(
+                (point.normal + camera.forward()).length() < 1e-3,
+                "{point:?}"
+            );
+        }
+        assert!(seen.is_sorted_by_key(|point| point.pixel));
+        // Nine pixels a side on the board, and 40×30 but for 12×12 on the wall.
+        assert!(num_near >= 75 && num_far >= 950, "{num_near} {num_far}");
+    }
+
+    #[test]
+    fn a_point_of_no_plane_tells_of_its_own_pixel() {
+        let camera = camera();
+        let key = RandomKey::new(1, Purpose::Initialise, 9);
+        let leaf = |i| {
+            let [x, y, z, _] = key.stream(i, 0).next_uniforms();
+            camera.forward() * 4.0 + Vec3::new(x, y, z) - 0.5
+        };
+        let positions: Vec<Vec3> = (0..40).map(leaf).collect();
+        let cloud = PointCloud {
+            colors_srgb8: vec![[128; 3]; positions.len()],
+            positions: positions.clone(),
+        };
+        let seen = Arc::new(Discs::new(&cloud))
+            .seen_by(&camera)
+            .pixels(&camera);
+        assert!((5..=40).contains(&seen.len()), "{}", seen.len());
+        for point in seen {
+            assert_eq!(point.normal, Vec3::ZERO);
+            assert!(
+                positions
+                    .iter()
+                    .any(|p| (p.length() - point.distance).abs() < 1e-5)
+            );
         }
     }
 }

@@ -20,7 +20,7 @@ pub(crate) struct Views {
     indices: Vec<usize>,
     seed: u64,
     /// The cloud of each light that has one.
-    clouds: Vec<Option<Discs>>,
+    clouds: Vec<Option<Arc<Discs>>>,
     /// Their points that each frame sees, when they are first asked for.
     points: Vec<OnceLock<Arc<SeenPoints>>>,
     /// Pixels of frames that nothing is learned from, row by row.
@@ -52,7 +52,7 @@ impl Views {
     }
 
     /// From here on views tell which points of the cloud of their light they see.
-    pub(crate) fn look_for(&mut self, clouds: Vec<Option<Discs>>) {
+    pub(crate) fn look_for(&mut self, clouds: Vec<Option<Arc<Discs>>>) {
         self.points = (0..self.num_frames()).map(|_| OnceLock::new()).collect();
         self.clouds = clouds;
     }

@@ -108,11 +108,13 @@ impl<S: Tracer> Trainer<S> {
         let camera = view.view.camera;
         let rays = step.rays(camera, target.edges());
         let features = self.scene.record(&rays)?;
+        let points = view.points.as_ref();
+        let points = points.map(|points| points.pixels(&view.view.camera));
         let (terms, d_features) = radiance_loss(
             &features,
             &view.view,
             &target.pq(),
-            view.points.as_deref(),
+            points.as_deref(),
             step.weights,
             step.normals,
         );

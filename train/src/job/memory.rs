@@ -20,8 +20,8 @@ const BYTES_PER_LIGHT_HARMONICS: u64 = 4 * 24 * 4;
 /// forty recorded hits, images of the loss.
 const BYTES_PER_PIXEL: u64 = 2 * 64 + 40 * 12 + 200;
 /// Bytes a pixel of a prepared view takes: radiance, normal, mask, opacity, irradiance and where
-/// emitters are, all as floats, and the target.
-const BYTES_PER_VIEW_PIXEL: u64 = (3 + 3 + 1 + 1 + 4 + 4) * 4 + 3 * 2;
+/// emitters are, all as floats, its point of the cloud, and the target.
+const BYTES_PER_VIEW_PIXEL: u64 = (3 + 3 + 1 + 1 + 4 + 4 + 1) * 4 + 3 * 2;
 
 /// Memory that a run takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

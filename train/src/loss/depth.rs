@@ -1,6 +1,6 @@
 //! Mean distances D̃ against the points of the cloud that a view sees.
 
-use crate::points::SeenPoints;
+use crate::points::PixelPoint;
 use eagpt_eval::KnownPixels;
 use eagpt_trace::features::{Features, GBuffer, lane};
 
@@ -13,16 +13,16 @@ pub(crate) const MAX_DEPTH_ERROR: f32 = 0.1;
 /// `mean |D̃ − d| / d` over known pixels that show a point, d far.
 pub(super) fn add(
     features: &GBuffer,
-    points: &SeenPoints,
+    points: &[PixelPoint],
     weight: f64,
     known: Option<&KnownPixels>,
     d_features: &mut [Features],
 ) -> f64 {
-    let share = 1.0 / points.distances.len().max(1) as f64;
+    let share = 1.0 / points.len().max(1) as f64;
     let d_share = (weight * share) as f32;
     let mut sum = 0.0;
-    for &(pixel, wanted) in &points.distances {
-        let pixel = pixel as usize;
+    for point in points {
+        let (pixel, wanted) = (point.pixel as usize, point.distance);
         let seen = &features.pixels[pixel];
         let alpha = seen.alpha();
         if alpha <= MIN_DEPTH_ALPHA || known.is_some_and(|known| !known.has(pixel)) {

@@ -19,7 +19,7 @@ struct PixelGradient {
 }
 
 /// Adds `weight · mean(1 − Ñ_d·N)` to the gradient and returns the mean. N is the normal map where
-/// there is one, otherwise the blended Ñ, which then moves too. The image's border is left out, and
+/// it knows one, otherwise the blended Ñ, which then moves too. The image's border is left out, and
 /// so is what is not `known`.
 pub fn add(
     features: &GBuffer,
@@ -50,9 +50,11 @@ pub fn add(
             let solid = [i, i - 1, i + 1, i - width, i + width]
                 .iter()
                 .all(|&j| features.pixels[j].alpha() > MIN_NORMAL_ALPHA);
-            let wanted = match map {
-                Some(map) => Some(Vec3::from(map.pixels()[i])).filter(|n| *n != Vec3::ZERO),
-                None => solid_normal(&features.pixels[i]),
+            let known = map.map_or(Vec3::ZERO, |map| Vec3::from(map.pixels()[i]));
+            let is_known = known != Vec3::ZERO;
+            let wanted = match is_known {
+                true => Some(known),
+                false => solid_normal(&features.pixels[i]),
             };
             let (true, Some(wanted)) = (solid, wanted) else {
                 return PixelGradient::default();
@@ -65,9 +67,9 @@ pub fn add(
                 return PixelGradient::default();
             }
             let (value, d_depth_normal) = one_minus_cosine(normal, wanted);
-            let d_normal = match map {
-                Some(_) => Vec3::ZERO,
-                None => one_minus_cosine(features.pixels[i].normal(), normal.normalize()).1,
+            let d_normal = match is_known {
+                true => Vec3::ZERO,
+                false => one_minus_cosine(features.pixels[i].normal(), normal.normalize()).1,
             };
             PixelGradient {
                 d_across: d_depth_normal.cross(down),

@@ -188,9 +188,9 @@ fn check_gradients(valid: Option<&Image<1>>, clipped: Option<&Image<3>>) {
         view.valid = valid.cloned();
         view.clipped = clipped.cloned();
         let target = pq_image(&view.radiance);
-        let seen = points();
+        let seen = points().pixels(&view.camera);
         let loss = |features: &GBuffer| {
-            let (points, normals) = (Some(&seen), NormalTerms::On);
+            let (points, normals) = (Some(&seen[..]), NormalTerms::On);
             radiance_loss(features, &view, &target, points, &weights, normals)
         };
         let base = frame();
@@ -262,7 +262,7 @@ fn what_is_unknown_changes_no_bit() {
     };
     let loss = |view: &View| {
         let target = pq_image(&view.radiance);
-        let points = points();
+        let points = points().pixels(&view.camera);
         radiance_loss(
             &frame(),
             view,

@@ -43,7 +43,6 @@ fn parameters(camera: &Camera, view: &TargetView, options: &LossOptions) -> Loss
             false => 1,
         },
         has_normals: u32::from(options.normals == NormalTerms::On),
-        has_map: view.has_map.into(),
         has_emission: view.has_emission.into(),
         color: weights.color as f32,
         l1: over(1.0 - weights.ssim_share, 3 * view.num_known),
@@ -58,8 +57,6 @@ fn parameters(camera: &Camera, view: &TargetView, options: &LossOptions) -> Loss
         },
         alpha: over(weights.alpha, view.num_known),
         depth: over(weights.depth, view.num_points),
-        padding: 0,
-        more_padding: [0; 2],
     }
 }
 

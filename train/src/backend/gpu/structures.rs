@@ -16,7 +16,6 @@ pub(super) struct LossParameters {
     /// Of a pixel at an edge; others have one ray.
     pub(super) rays_per_axis: u32,
     pub(super) has_normals: u32,
-    pub(super) has_map: u32,
     pub(super) has_emission: u32,
     /// Weights; those of means are divided by what they are means over.
     pub(super) color: f32,
@@ -28,8 +27,6 @@ pub(super) struct LossParameters {
     pub(super) emission: f32,
     pub(super) alpha: f32,
     pub(super) depth: f32,
-    pub(super) padding: u32,
-    pub(super) more_padding: [u32; 2],
 }
 
 impl LossParameters {
@@ -43,7 +40,6 @@ impl LossParameters {
             num_pixels: "u32",
             rays_per_axis: "u32",
             has_normals: "u32",
-            has_map: "u32",
             has_emission: "u32",
             color: "f32",
             l1: "f32",
@@ -54,8 +50,6 @@ impl LossParameters {
             emission: "f32",
             alpha: "f32",
             depth: "f32",
-            padding: "u32",
-            more_padding: "vec2u",
         })
     }
 }

@@ -3,6 +3,7 @@
 use crate::backend::step::TrainingView;
 use crate::error::Result;
 use crate::loss::target::Target;
+use crate::points::normal_map;
 use eagpt_eval::KnownPixels;
 use eagpt_eval::Windows;
 use eagpt_scene::Image;
@@ -78,7 +79,6 @@ pub(super) struct TargetView {
     pub(super) num_windows: usize,
     /// Points of the cloud that it sees.
     pub(super) num_points: usize,
-    pub(super) has_map: bool,
     pub(super) has_emission: bool,
     /// Clipped channels of every pixel, red in the lowest bit; of views that have some.
     pub(super) clipped: Option<Buffer>,
@@ -93,8 +93,10 @@ impl TargetView {
     /// Brings `training` to the device; `target` is its radiance.
     pub(super) fn new(device: &Device, training: &TrainingView, target: &Target) -> Result<Self> {
         let view = &training.view;
-        let points = training.points.as_deref();
-        let points = points.map_or(&[][..], |points| &points.distances);
+        let points = training.points.as_ref();
+        let points = points.map(|points| points.pixels(&view.camera));
+        let normals = normal_map(points.as_deref(), view);
+        let points = points.as_deref().unwrap_or_default();
         let known = view.valid.as_ref().map(KnownPixels::new);
         let windows = known.as_ref().map(KnownPixels::windows);
         let num_pixels = view.camera.num_pixels();
@@ -109,7 +111,7 @@ impl TargetView {
             let opacity = unsigned(single(&view.alpha, i).unwrap_or(1.0), FULL_OPACITY);
             let emission = single(&view.emission, i).unwrap_or(0.0);
             let pq = target.pixels()[i].map(u32::from);
-            let normal = view.normal.as_ref();
+            let normal = normals.as_ref();
             let normal = normal.map_or([0; 3], |map| map.pixels()[i].map(signed));
             TargetPixel {
                 red_green: pair(pq[0], pq[1]),
@@ -128,8 +130,8 @@ impl TargetView {
             device.upload("clipped channels", bytemuck::cast_slice(&bits))
         });
         let mut pixels: Vec<TargetPixel> = (0..num_pixels).map(pixel).collect();
-        for &(at, distance) in points {
-            pixels[at as usize].distance = distance;
+        for point in points {
+            pixels[point.pixel as usize].distance = point.distance;
         }
         Ok(Self {
             pixels: device.upload("view", bytemuck::cast_slice(&pixels))?,
@@ -137,7 +139,6 @@ impl TargetView {
             num_known: known.as_ref().map_or(num_pixels, KnownPixels::num),
             num_windows: windows.as_ref().map_or(num_pixels, Windows::num),
             num_points: points.len(),
-            has_map: view.normal.is_some(),
             has_emission: view.emission.is_some(),
             clipped: clipped.transpose()?,
         })

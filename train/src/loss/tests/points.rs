@@ -1,6 +1,8 @@
 //! The depth term, of points about what is shown.
 
 use super::*;
+use crate::points::{Discs, PixelPoint, SeenPoints};
+use std::sync::Arc;
 
 /// Points before and behind what `frame` shows, and so far behind that it cannot be the same
 /// surface.
@@ -12,24 +14,39 @@ pub(crate) fn points() -> SeenPoints {
         3 => Some(1.2),
         _ => None,
     };
-    let distances = (0..WIDTH * HEIGHT)
-        .filter_map(|i| Some((i, place(i)? * shown.pixels[i as usize].mean_distance())));
+    let directions = directions(&camera());
+    let mut discs = Discs {
+        positions: Vec::new(),
+        radii: Vec::new(),
+        normals: Vec::new(),
+    };
+    let of_pixel = |pixel: u32| {
+        let distance = place(pixel)? * shown.pixels[pixel as usize].mean_distance();
+        discs.positions.push(directions[pixel as usize] * distance);
+        discs.radii.push(0.1);
+        // Those of every other one are known.
+        let is_known = pixel.is_multiple_of(2);
+        (discs.normals).push(if is_known { Vec3::NEG_Z } else { Vec3::ZERO });
+        Some(discs.positions.len() as u32 - 1)
+    };
+    let of_pixels = (0..WIDTH * HEIGHT).map(of_pixel);
     SeenPoints {
-        distances: distances.collect(),
+        of_pixels: of_pixels.map(|point| point.unwrap_or(u32::MAX)).collect(),
+        discs: Arc::new(discs),
     }
 }
 
 #[test]
 fn a_point_far_from_what_is_shown_moves_nothing() {
-    let (view, seen) = (view(false), points());
+    let (view, seen) = (view(false), points().pixels(&camera()));
     let target = pq_image(&view.radiance);
     let weights = only("depth");
-    let loss = |points: Option<&SeenPoints>| {
+    let loss = |points: Option<&[PixelPoint]>| {
         radiance_loss(&frame(), &view, &target, points, &weights, NormalTerms::On)
     };
     let (terms, d) = loss(Some(&seen));
     let (mut num_nearer, mut num_farther) = (0, 0);
-    for &(pixel, _) in &seen.distances {
+    for &PixelPoint { pixel, .. } in &seen {
         let slope = d[pixel as usize].0[lane::DISTANCE];
         match pixel % 5 {
             // The point lies before what is shown, which is to come nearer.

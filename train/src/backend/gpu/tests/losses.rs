@@ -97,6 +97,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         (false, true, false, NormalTerms::Off),
         (false, false, true, NormalTerms::Off),
         (true, true, true, NormalTerms::On),
+        (false, true, true, NormalTerms::On),
     ] {
         let mut view = view(with_map);
         view.valid = with_mask.then(mask);
@@ -109,7 +110,9 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
             &features,
             &view,
             &target.pq(),
-            seen.as_ref(),
+            seen.as_ref()
+                .map(|seen| seen.pixels(&view.camera))
+                .as_deref(),
             &weights,
             normals,
         );
