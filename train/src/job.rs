@@ -97,7 +97,11 @@ pub fn train(
     if options.stage != StageChoice::Albedo && options.radiance.weights.depth > 0.0 {
         let discs = |light: &Light| -> Result<Option<Arc<Discs>>> {
             let points = light.dataset.points()?;
-            Ok(points.as_ref().map(|points| Arc::new(Discs::new(points))))
+            // Maps tell more of edges than planes do.
+            let frames = light.dataset.frames();
+            let with_planes = frames.iter().all(|frame| frame.files.normal.is_none());
+            let discs = |points| Arc::new(Discs::new(points, with_planes));
+            Ok(points.as_ref().map(discs))
         };
         views.look_for(lights.iter().map(discs).collect::<Result<_>>()?);
     }

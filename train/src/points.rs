@@ -105,20 +105,29 @@ pub(crate) fn normal_map<'a>(
 }
 
 impl Discs {
-    /// Discs at the points of `cloud`.
-    pub(crate) fn new(cloud: &PointCloud) -> Self {
+    /// Discs at the points of `cloud`; with the planes that they lie in, or without.
+    pub(crate) fn new(cloud: &PointCloud, with_planes: bool) -> Self {
         let positions = &cloud.positions;
         let coordinates: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
         let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&coordinates);
-        let wanted = NonZeroUsize::new(MOST_NEIGHBOURS).expect("a positive constant");
+        // The first neighbour is the point itself.
+        let wanted = if with_planes {
+            MOST_NEIGHBOURS
+        } else {
+            NEIGHBOURS + 1
+        };
+        let wanted = NonZeroUsize::new(wanted).expect("positive constants");
         let shape = |point: &[f32; 3]| {
             let near = tree.nearest_n::<SquaredEuclidean>(point, wanted);
-            // The first neighbour is the point itself.
             let nearest = near.iter().skip(1).take(NEIGHBOURS);
             let radius = nearest.map(|n| n.distance.sqrt()).sum::<f32>() / NEIGHBOURS as f32;
             let near: Vec<Vec3> = near.iter().map(|n| positions[n.item as usize]).collect();
-            let (place, normal) = normals::plane(&near).unwrap_or((near[0], Vec3::ZERO));
-            (radius, (place, normal))
+            let plane = if with_planes {
+                normals::plane(&near)
+            } else {
+                None
+            };
+            (radius, plane.unwrap_or((Vec3::from(*point), Vec3::ZERO)))
         };
         let (radii, planes): (_, Vec<_>) = coordinates.par_iter().map(shape).unzip();
         let (positions, normals) = planes.into_iter().unzip();
@@ -148,22 +157,24 @@ impl Discs {
                 nearest[pixel] = nearest[pixel].min(at.z);
             }
         }
-        let mut of_pixels = vec![NOTHING; num_pixels];
-        let mut distances = vec![f32::INFINITY; num_pixels];
+        // The nearest point of no plane in its own pixel, else that of a plane which is nearest in
+        // the image.
+        let mut best = vec![(NOTHING, true, f32::INFINITY); num_pixels];
         for &(i, at) in &places {
             if at.z > nearest[own(at)] + HIDDEN * self.radii[i] {
                 continue;
             }
-            let reach = match self.normals[i] == Vec3::ZERO {
-                true => 0.0,
-                false => COVERED * reach(i, at),
-            };
-            for (pixel, distance) in around(camera, at, reach) {
-                if distance < distances[pixel] {
-                    (distances[pixel], of_pixels[pixel]) = (distance, i as u32);
+            let is_flat = self.normals[i] != Vec3::ZERO;
+            let reach = if is_flat { COVERED * reach(i, at) } else { 0.0 };
+            let distance = self.positions[i].distance(camera.origin());
+            for (pixel, off) in around(camera, at, reach) {
+                let rank = if is_flat { off } else { distance };
+                if (is_flat, rank) < (best[pixel].1, best[pixel].2) {
+                    best[pixel] = (i as u32, is_flat, rank);
                 }
             }
         }
+        let of_pixels = best.into_iter().map(|(point, ..)| point).collect();
         SeenPoints {
             discs: Arc::clone(self),
             of_pixels,
@@ -234,7 +245,7 @@ mod tests {
     fn a_view_sees_the_nearest_surface_through_each_pixel() {
         let (cloud, num_board) = wall_and_board();
         let camera = camera();
-        let seen = Arc::new(Discs::new(&cloud))
+        let seen = Arc::new(Discs::new(&cloud, true))
             .seen_by(&camera)
             .pixels(&camera);
         let ray = |pixel: u32| {
@@ -273,6 +284,22 @@ mod tests {
     }
 
     #[test]
+    fn without_planes_points_tell_of_their_own_pixels() {
+        let (cloud, _) = wall_and_board();
+        let camera = camera();
+        let seen = Arc::new(Discs::new(&cloud, false)).seen_by(&camera);
+        let points = seen.of_pixels.iter().filter(|point| **point != NOTHING);
+        let seen = seen.pixels(&camera);
+        assert!(seen.len() > 500, "{}", seen.len());
+        for (told, point) in seen.iter().zip(points) {
+            let place = cloud.positions[*point as usize];
+            let at = camera.project(place);
+            assert_eq!(told.pixel, at.y as u32 * camera.width + at.x as u32);
+            assert_eq!((told.distance, told.normal), (place.length(), Vec3::ZERO));
+        }
+    }
+
+    #[test]
     fn a_point_of_no_plane_tells_of_its_own_pixel() {
         let camera = camera();
         let key = RandomKey::new(1, Purpose::Initialise, 9);
@@ -285,7 +312,7 @@ mod tests {
             colors_srgb8: vec![[128; 3]; positions.len()],
             positions: positions.clone(),
         };
-        let seen = Arc::new(Discs::new(&cloud))
+        let seen = Arc::new(Discs::new(&cloud, true))
             .seen_by(&camera)
             .pixels(&camera);
         assert!((5..=40).contains(&seen.len()), "{}", seen.len());
