@@ -24,7 +24,7 @@ const COVERED: f32 = 0.6;
 /// Most of that radius as seen at an angle.
 const MOST_OBLIQUE: f32 = 2.0;
 /// Of a pixel without a point.
-const NOTHING: u32 = u32::MAX;
+pub(crate) const NOTHING: u32 = u32::MAX;
 
 /// A point cloud whose points are discs that leave no holes between them.
 #[derive(Debug, Clone)]
@@ -58,7 +58,7 @@ pub struct PixelPoint {
 }
 
 impl SeenPoints {
-    /// What they tell of the pixels of `camera`, which is the one that sees them, row by row.
+    /// The surfaces in pixels of `camera`, which is the one that sees the points, row by row.
     pub fn pixels(&self, camera: &Camera) -> Vec<PixelPoint> {
         let frame = camera.ray_frame();
         let told = |(pixel, point): (usize, &u32)| {
@@ -121,12 +121,11 @@ impl Discs {
             let near = tree.nearest_n::<SquaredEuclidean>(point, wanted);
             let nearest = near.iter().skip(1).take(NEIGHBOURS);
             let radius = nearest.map(|n| n.distance.sqrt()).sum::<f32>() / NEIGHBOURS as f32;
-            let near: Vec<Vec3> = near.iter().map(|n| positions[n.item as usize]).collect();
-            let plane = if with_planes {
+            let plane = || {
+                let near: Vec<Vec3> = near.iter().map(|n| positions[n.item as usize]).collect();
                 normals::plane(&near)
-            } else {
-                None
             };
+            let plane = with_planes.then(plane).flatten();
             (radius, plane.unwrap_or((Vec3::from(*point), Vec3::ZERO)))
         };
         let (radii, planes): (_, Vec<_>) = coordinates.par_iter().map(shape).unzip();
@@ -264,7 +263,7 @@ mod tests {
         let (mut num_near, mut num_far) = (0, 0);
         for point in &seen {
             let (at, ray) = ray(point.pixel);
-            // What a point covers ends half a pixel from it, or in the middle of the next pixel.
+            // A point covers half a pixel about it, or up to the middle of the next pixel.
             let depth = point.distance / ray;
             if at.cmpge(low).all() && at.cmple(high).all() {
                 assert!((depth - 2.0).abs() < 1e-3, "{point:?}");

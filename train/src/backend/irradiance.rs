@@ -16,7 +16,6 @@ use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::matrix::Receiver;
 use glam::{Vec3, Vec4};
 use std::ops::Range;
@@ -147,7 +146,7 @@ pub(super) fn albedos(lights: &[LitGaussians]) -> Vec<Vec3> {
         for ((i, _), irradiance) in gathered.seen.iter().zip(&gathered.irradiance) {
             let i = *i as usize;
             // The light that an emitter reflects is not seen beside its own.
-            if light.gaussians.emissions[i] <= EMISSION_THRESHOLD {
+            if !emits(light.gaussians.emissions[i]) {
                 let share = light.shares.get(i).copied().unwrap_or(1.0);
                 sums[i].0 += light.gaussians.radiances[i] * share;
                 sums[i].1 += *irradiance;

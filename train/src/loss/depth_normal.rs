@@ -50,12 +50,9 @@ pub fn add(
             let solid = [i, i - 1, i + 1, i - width, i + width]
                 .iter()
                 .all(|&j| features.pixels[j].alpha() > MIN_NORMAL_ALPHA);
-            let known = map.map_or(Vec3::ZERO, |map| Vec3::from(map.pixels()[i]));
-            let is_known = known != Vec3::ZERO;
-            let wanted = match is_known {
-                true => Some(known),
-                false => solid_normal(&features.pixels[i]),
-            };
+            let on_map = map.map(|map| Vec3::from(map.pixels()[i]));
+            let on_map = on_map.filter(|normal| *normal != Vec3::ZERO);
+            let wanted = on_map.or_else(|| solid_normal(&features.pixels[i]));
             let (true, Some(wanted)) = (solid, wanted) else {
                 return PixelGradient::default();
             };
@@ -67,9 +64,9 @@ pub fn add(
                 return PixelGradient::default();
             }
             let (value, d_depth_normal) = one_minus_cosine(normal, wanted);
-            let d_normal = match is_known {
-                true => Vec3::ZERO,
-                false => one_minus_cosine(features.pixels[i].normal(), normal.normalize()).1,
+            let d_normal = match on_map {
+                Some(_) => Vec3::ZERO,
+                None => one_minus_cosine(features.pixels[i].normal(), normal.normalize()).1,
             };
             PixelGradient {
                 d_across: d_depth_normal.cross(down),

@@ -30,8 +30,8 @@ const LEAST_DEVIATION: f32 = 1e-3;
 const DEVIATION: f32 = 1.48;
 
 /// The plane of a point by its neighbours, nearest first, of which it is the first itself: the place
-/// in the plane nearest to it, and the unit normal, of either sign. `None` where they lie in no plane,
-/// or it is off theirs.
+/// in the plane nearest to it, and the unit normal, of either sign. `None` where they lie in no
+/// plane, or it is off theirs.
 pub(super) fn plane(near: &[Vec3]) -> Option<(Vec3, Vec3)> {
     let mut found = None;
     for num in NUM_NEIGHBOURS.map(|num| num.min(near.len())) {
@@ -59,7 +59,8 @@ fn fitted(points: &[Vec3]) -> Option<(Option<(Vec3, Vec3)>, f64)> {
     }
     let normal = fit.normal?;
     let [thickness, side, _] = fit.variances;
-    let ratio = (thickness / side).sqrt();
+    // Rounding may make the thickness of a perfect plane negative.
+    let ratio = (thickness.max(0.0) / side).sqrt();
     let height = normal.dot(points[0] - fit.centre);
     let is_in = height.abs() <= OFF * deviation;
     let place = points[0] - height * normal;
@@ -108,6 +109,23 @@ mod tests {
         // Ten neighbours of the noisiest do not tell it.
         let few = &near(Vec3::new(20.0, 0.0, 0.0), 0.5)[..10];
         assert_eq!(plane(few), None);
+    }
+
+    #[test]
+    fn points_of_a_perfect_plane_have_its_normal() {
+        let key = RandomKey::new(1, Purpose::Initialise, 10);
+        for wall in 0..200 {
+            let [height, ..] = key.stream(wall, 0).next_uniforms();
+            let place = |i| {
+                let [x, y, ..] = key.stream(100 * wall + i, 1).next_uniforms();
+                Vec3::new(x, y, height)
+            };
+            let mut points: Vec<Vec3> = (0..100).map(place).collect();
+            let at = points[0];
+            points.sort_by(|a, b| a.distance_squared(at).total_cmp(&b.distance_squared(at)));
+            let found = plane(&points).map(|(place, normal)| (place, normal.z.abs()));
+            assert_eq!(found, Some((at, 1.0)));
+        }
     }
 
     #[test]

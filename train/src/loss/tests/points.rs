@@ -1,7 +1,7 @@
 //! The depth term, of points about what is shown.
 
 use super::*;
-use crate::points::{Discs, PixelPoint, SeenPoints};
+use crate::points::{Discs, NOTHING, PixelPoint, SeenPoints};
 use std::sync::Arc;
 
 /// Points before and behind what `frame` shows, and so far behind that it cannot be the same
@@ -31,7 +31,7 @@ pub(crate) fn points() -> SeenPoints {
     };
     let of_pixels = (0..WIDTH * HEIGHT).map(of_pixel);
     SeenPoints {
-        of_pixels: of_pixels.map(|point| point.unwrap_or(u32::MAX)).collect(),
+        of_pixels: of_pixels.map(|point| point.unwrap_or(NOTHING)).collect(),
         discs: Arc::new(discs),
     }
 }
