@@ -29,10 +29,14 @@ const LEAST_REFLECTANCE: f32 = 0.4;
 /// Rounds in which outline and reflectance are found from each other.
 const ROUNDS: usize = 2;
 /// Pixels' worth of evidence that a mirror has, at least, and the share of the differences within
-/// cells that it explains. In rooms without one, planes that pass through the air before walls
-/// come to .7, but show what other views see, too; none on a wall comes to 100 and .35.
+/// cells that it explains: the less, the more evidence there is. Where training has misplaced what
+/// a mirror shows, even a large one explains .3. In rooms without one, planes that pass through the
+/// air before walls come to .7, but show what other views see, too; none on a wall comes to 100 and
+/// .35, nor to 700 and .2.
 const LEAST_SCORE: f32 = 100.0;
 const LEAST_EXPLAINED: f32 = 0.35;
+const MUCH_SCORE: f32 = 1000.0;
+const LEAST_EXPLAINED_OF_MUCH: f32 = 0.2;
 /// Cells that a mirror is wide and high, at least, and views that show it.
 const LEAST_CELLS: f32 = 4.0;
 const LEAST_VIEWS: usize = 2;
@@ -130,7 +134,7 @@ impl<'a> Wall<'a> {
         let compared = self.compare(plane, self.sights(plane), tracer)?;
         let found = self.best(plane, &compared).filter(|hung| {
             hung.score >= LEAST_SCORE
-                && hung.explained >= LEAST_EXPLAINED
+                && hung.explained >= hung.least_explained()
                 && hung.num_views >= LEAST_VIEWS
                 && hung.size.min_element() >= LEAST_CELLS * self.scale.cell
                 && self.share_real(hung) <= MOST_REAL
@@ -315,6 +319,14 @@ impl<'a> Wall<'a> {
 }
 
 impl Hung {
+    /// Share of the differences within cells that it has to explain.
+    fn least_explained(&self) -> f32 {
+        match self.score >= MUCH_SCORE {
+            true => LEAST_EXPLAINED_OF_MUCH,
+            false => LEAST_EXPLAINED,
+        }
+    }
+
     /// Whether a point of its plane lies in it.
     pub(crate) fn has(&self, point: Vec3) -> bool {
         let outline = Outline::centred(self.size, self.is_round);
