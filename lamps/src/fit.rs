@@ -4,6 +4,7 @@
 mod bars;
 mod boxes;
 mod domes;
+mod flatness;
 mod halo;
 mod shades;
 pub(crate) mod shape_search;
@@ -27,6 +28,8 @@ use starts::{axes, first_tube, flats, mount};
 /// Shapes, and boxes, that a search goes on with from the best of where descents end.
 const NUM_PROMISING: usize = 8;
 const NUM_PROMISING_BOXES: usize = 2;
+/// Best shapes that may be level ones.
+const NUM_LEVEL: usize = 2;
 /// Best shapes that are fitted again with the flux of views.
 const NUM_AGREED: usize = 3;
 /// Share of the pixels of a lamp that have its own all around them from which on it shows edges: it
@@ -99,6 +102,16 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         starts.push((first_tube(&points, centre, axis, pixel), false));
     }
     let mut fits = search.best(&starts, NUM_PROMISING);
+    // What training has of a small lamp may be too long a heap for a flat one to begin with.
+    let level = fits.iter().map(|found| &found.fit.shape);
+    let level = level.filter_map(|shape| starts::level(shape, &points, up));
+    let level: Vec<(Shape, bool)> = level
+        .take(NUM_LEVEL)
+        .flat_map(|flat| [Shape::Rectangle(flat), Shape::Ellipse(flat)])
+        .map(|shape| (shape, true))
+        .collect();
+    fits.extend(search.best(&level, NUM_LEVEL));
+    fits.sort_by(Scored::order);
     let best = fits.first()?;
     // A thin lamp that looks flat, or lights what is behind it, may be a bar.
     let is_flat = best.fit.shape.flat().is_some();

@@ -114,6 +114,40 @@ fn bulbs_that_training_lacks_are_where_lines_of_sight_meet() {
     check_found(&lamps, found(&lamps, &[panel]), 0.1);
 }
 
+/// Flat lamps of one to six pixels that hang below the ceiling. A flat drum would shine upwards, too.
+#[test]
+fn small_flat_lamps_are_no_drums() {
+    for (x, y, z, size) in [
+        (0.7, -0.4, 2.4, 0.06),
+        (-1.0, 0.8, 2.4, 0.08),
+        (0.7, -0.4, 2.4, 0.2),
+    ] {
+        let flat = Flat {
+            centre: Vec3::new(x, y, z),
+            rotation: rotation::from_z_to(Vec3::NEG_Z),
+            size: [size; 2],
+        };
+        for shape in [Shape::Ellipse(flat), Shape::Rectangle(flat)] {
+            let found = check(&[(shape, Vec3::new(160.0, 140.0, 110.0))], 0.15);
+            assert_eq!(found[0].shape, LampShape::Panel, "{found:#?}");
+        }
+    }
+}
+
+/// A fifth as thick as it is wide, two pixels.
+#[test]
+fn a_flat_drum_is_no_panel() {
+    let drum = Shape::Tube {
+        centre: Vec3::new(0.1, 0.1, 2.2),
+        rotation: Quat::IDENTITY,
+        radius: 0.14,
+        length: 0.056,
+        taper: 0.0,
+    };
+    let found = check(&[(drum, Vec3::new(16.0, 14.0, 11.0))], 0.1);
+    assert_eq!(found[0].shape, LampShape::Tube, "{found:#?}");
+}
+
 /// A bar that is as wide as three pixels and a cube: a tube sends another part of their light up.
 #[test]
 fn lamps_with_edges_are_boxes() {

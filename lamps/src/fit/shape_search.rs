@@ -1,5 +1,6 @@
 //! Searches for the shape of a lamp, and what speaks for one against another.
 
+use crate::fit::flatness::{self, is_rather_flat};
 use crate::fit::halo::Beside;
 use crate::group::Group;
 use crate::pixels::measure;
@@ -31,8 +32,6 @@ const AWAY: f32 = 0.5;
 pub(crate) const MIN_RESIDUAL: f32 = 0.002;
 /// Residual from which on a shape explains little, though views may agree on its flux.
 const LITTLE: f32 = 0.6;
-/// Thickness of a box that is flat, in its narrower other side.
-const FLAT: f32 = 0.1;
 /// Steps of a descent from every start; evaluations of a search from the best of where they end,
 /// and of one that views are to agree on.
 const NUM_STEPS: usize = 15;
@@ -182,13 +181,17 @@ impl<'a> ShapeSearch<'a> {
         let scored = fits.into_iter().filter_map(|(fit, is_upright)| {
             let tilted = |by: f32| if is_upright { 0.0 } else { by };
             let freedom = match fit.shape {
+                shape if self.is_panel(&shape) => return None,
                 Shape::Ball { .. } => 0.0,
                 Shape::Rectangle(flat) | Shape::Ellipse(flat) => {
-                    let off = if self.is_off(&flat) { TILTED } else { 0.0 };
+                    let off = if self.is_off(&fit.shape) { TILTED } else { 0.0 };
                     tilted(TILTED).max(off) + if self.leaves_dark(&flat) { TILTED } else { 0.0 }
                 }
+                Shape::Tube { .. } if is_rather_flat(&fit.shape) => {
+                    let off = if self.is_off(&fit.shape) { TILTED } else { 0.0 };
+                    tilted(TURNED).max(off) + EDGES
+                }
                 Shape::Tube { .. } => tilted(TURNED),
-                Shape::Box { size, .. } if is_flat(size) => return None,
                 Shape::Box { .. } => tilted(TILTED) + EDGES,
             };
             let measured = self.views.measure(&fit.shape)?;
@@ -208,11 +211,18 @@ impl<'a> ShapeSearch<'a> {
         scored
     }
 
+    /// Whether a shape is a panel of which nobody knows whether other sides shine.
+    fn is_panel(&self, shape: &Shape) -> bool {
+        let eyes = self.patches.iter().map(|patch| patch.origin);
+        flatness::is_panel(shape, eyes, self.width)
+    }
+
     /// Whether a flat shape is parallel to the mount but before or behind it.
-    fn is_off(&self, flat: &Flat) -> bool {
+    fn is_off(&self, flat: &Shape) -> bool {
         self.beside.is_some_and(|Beside { mount, .. }| {
-            let is_parallel = flat.normal().dot(mount.normal).abs() > PARALLEL;
-            is_parallel && mount.height(flat.centre).abs() > OFF_PIXELS * self.width
+            let normal = flat.rotation() * Vec3::Z;
+            let is_parallel = normal.dot(mount.normal).abs() > PARALLEL;
+            is_parallel && mount.height(flat.centre()).abs() > OFF_PIXELS * self.width
         })
     }
 
@@ -244,8 +254,7 @@ impl<'a> ShapeSearch<'a> {
         let Fit { shape, gaps, .. } = found.fit;
         let against = |shape: &Shape| {
             let fit = Fit::new(*shape, self.patches, gaps);
-            let is_flat = matches!(shape, Shape::Box { size, .. } if is_flat(*size));
-            if is_flat || fit.residual > most {
+            if self.is_panel(shape) || fit.residual > most {
                 return f32::INFINITY;
             }
             let measured = self.views.measure(shape);
@@ -274,13 +283,6 @@ impl<'a> ShapeSearch<'a> {
             ([shape].into_iter().chain(lower)).min_by(|a, b| against(a).total_cmp(&against(b)));
         best_shape(&start.unwrap_or(shape), num_changes, NUM_AGREED, against).0
     }
-}
-
-/// Whether a box is no more than a panel, of which nobody knows whether both sides shine.
-fn is_flat(size: Vec3) -> bool {
-    let [a, b, c] = size.to_array();
-    let middle = a.max(b).min(a.min(b).max(c));
-    size.min_element() < FLAT * middle
 }
 
 /// The best shape of two searches from `start`: the corners of a search grow flat, so

@@ -21,6 +21,8 @@ const MOUNT_COSINE: f32 = 0.8;
 const MOUNT_HEIGHT: f32 = 0.5;
 /// Cosine between a mount and an upright wall or a level ceiling, at least, that it is taken for.
 const UPRIGHT: f32 = 0.97;
+/// Cosine between a tilted flat shape and a level one, at least, that it may be.
+const NEARLY_LEVEL: f32 = 0.8;
 
 /// The plane that a lamp may be mounted on.
 #[derive(Debug, Clone, Copy)]
@@ -155,6 +157,31 @@ pub(crate) fn range(values: impl Iterator<Item = f32>) -> f32 {
     let last = values.len() - 1;
     let mut nth = |n: usize| *values.select_nth_unstable_by(n, f32::total_cmp).1;
     nth(last - tail) - nth(tail)
+}
+
+/// The level flat shape about the middle of another one, as large, that most `points` see; `None`
+/// of boxes, and of what is upright.
+pub(crate) fn level(of: &Shape, points: &[Point], up: Vec3) -> Option<Flat> {
+    let towards: Vec3 = points.iter().map(|p| p.towards).sum();
+    let axis = of.rotation() * Vec3::Z;
+    let axis = if axis.dot(towards) < 0.0 { -axis } else { axis };
+    let normal = if up.dot(towards) < 0.0 { -up } else { up };
+    let is_nearly = axis.dot(normal) > NEARLY_LEVEL;
+    let (rotation, size) = match *of {
+        Shape::Rectangle(flat) | Shape::Ellipse(flat) if is_nearly => {
+            let own = flat.rotation;
+            let turn = Quat::from_rotation_arc(own * Vec3::Z, normal);
+            (rotation::unit(turn * own), flat.size)
+        }
+        Shape::Tube { radius, .. } if is_nearly => (rotation::from_z_to(normal), [2.0 * radius; 2]),
+        Shape::Ball { radius, .. } => (rotation::from_z_to(normal), [2.0 * radius; 2]),
+        _ => return None,
+    };
+    Some(Flat {
+        centre: of.centre(),
+        rotation,
+        size,
+    })
 }
 
 /// Directions that a tube may have.

@@ -4,6 +4,7 @@ use crate::shape::{Flat, Shape};
 use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::rotation;
 use glam::{Mat3, Quat, Vec3};
+use std::f32::consts::PI;
 
 /// Sine of the angle over its plane from which on a camera sees a face.
 const SINE: f32 = 0.17;
@@ -130,10 +131,91 @@ pub(crate) fn of(solid: &Solid, eyes: &[Vec3]) -> Vec<Face> {
     .collect()
 }
 
+/// Of what `eyes` see of a shape, the share that is its flat face they see most of, 0 to 1.
+pub(crate) fn largest_seen(shape: &Shape, eyes: impl Iterator<Item = Vec3>) -> f32 {
+    let frame = Mat3::from_quat(shape.rotation());
+    let half = 0.5 * shape.size();
+    // Of an area across an axis of the shape, on either side of its middle, and of what is round
+    // about the z axis.
+    let areas = match shape {
+        Shape::Rectangle(_) | Shape::Ellipse(_) => return 1.0,
+        Shape::Ball { .. } => return 0.0,
+        Shape::Tube { .. } => Vec3::Z * (PI * half.x * half.y),
+        Shape::Box { .. } => 4.0 * Vec3::new(half.y * half.z, half.z * half.x, half.x * half.y),
+    };
+    let side = match shape {
+        Shape::Tube { .. } => 4.0 * half.x * half.z,
+        _ => 0.0,
+    };
+    let mut faces = [[0.0; 2]; 3];
+    let mut round = 0.0;
+    for eye in eyes {
+        let from_centre = frame.transpose() * (eye - shape.centre());
+        for axis in 0..3 {
+            for (k, sign) in [-1.0, 1.0].into_iter().enumerate() {
+                let own = Vec3::AXES[axis] * (sign * half[axis]);
+                let off = from_centre - own;
+                let height = (sign * off[axis]).max(0.0);
+                faces[axis][k] += areas[axis] * height / off.length().powi(3);
+            }
+        }
+        round += side * from_centre.truncate().length() / from_centre.length().powi(3);
+    }
+    let faces = faces.as_flattened();
+    let all = faces.iter().sum::<f32>() + round;
+    faces.iter().copied().fold(0.0, f32::max) / all
+}
+
 fn is_seen(flat: &Flat, eyes: &[Vec3]) -> bool {
     let normal = flat.normal();
     let seen = eyes
         .iter()
         .filter(|eye| (**eye - flat.centre).normalize_or_zero().dot(normal) > SINE);
     seen.count() >= MIN_EYES
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_eyes_see_of_a_shape_is_divided_among_its_faces() {
+        let turned = Quat::from_rotation_x(0.5);
+        let seen = |shape: &Shape, towards: Vec3| {
+            // From afar, where all faces are equally far.
+            let eye = shape.centre() + turned * (1e3 * towards.normalize());
+            largest_seen(shape, [eye].into_iter())
+        };
+        let (centre, rotation) = (Vec3::ONE, turned);
+        let bar = Shape::Box {
+            centre,
+            rotation,
+            size: Vec3::new(1.0, 1.0, 0.25),
+        };
+        let drum = Shape::Tube {
+            centre,
+            rotation,
+            radius: 0.5,
+            length: 0.25,
+            taper: 0.0,
+        };
+        let cases = [
+            (&bar, Vec3::Z, 1.0),
+            (&bar, Vec3::new(0.0, 1.0, 1.0), 0.8),
+            (&bar, Vec3::NEG_X, 1.0),
+            (&drum, Vec3::NEG_Z, 1.0),
+            (&drum, Vec3::X, 0.0),
+            // Areas of π / 4 and of 1 / 4 across the line of sight.
+            (&drum, Vec3::new(0.0, 1.0, 1.0), PI / (PI + 1.0)),
+        ];
+        for (shape, towards, wanted) in cases {
+            let share = seen(shape, towards);
+            assert!((share - wanted).abs() < 0.01, "{share} {towards}");
+        }
+        let ball = Shape::Ball {
+            centre,
+            radius: 0.5,
+        };
+        assert_eq!(seen(&ball, Vec3::Z), 0.0);
+    }
 }
