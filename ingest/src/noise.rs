@@ -8,7 +8,7 @@
 //! read · (1 + r²).
 
 use crate::stack::Shot;
-use eagpt_scene::median::median_of;
+use eagpt_scene::median::{SIGMA_OF_MAD, median_of};
 use serde::{Deserialize, Serialize};
 
 /// Noise variance gain · x + read of a value x, where saturation is 1.
@@ -70,8 +70,6 @@ const SAMPLES_PER_PAIR: usize = 400_000;
 const NUM_BINS: usize = 24;
 /// Fewest samples of a bin.
 const MIN_IN_BIN: usize = 200;
-/// Standard deviation of normal numbers over their median absolute deviation.
-const SIGMA_OF_MAD: f64 = 1.482_602_2;
 
 /// One bin of one pair: the variance should be gain · signal + read.
 #[derive(Debug, Clone, Copy)]

@@ -148,7 +148,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         .or_else(|| shades::fit(centre, radius, &patches, best.residual))
         .or_else(|| match best.shape {
             Shape::Ball { .. } | Shape::Box { .. } => None,
-            _ => domes::fit(centre, radius, &mount?, &patches, best.residual),
+            _ => domes::fit(centre, radius, mount?, &patches, best.residual),
         });
     Some(hidden.unwrap_or(best))
 }

@@ -12,7 +12,7 @@ mod walls;
 use crate::shape::Flat;
 use crate::shape::faces::{self, Face, Solid};
 use eagpt_scene::lamps::{Lamp, Lamps};
-use eagpt_scene::median::median_of;
+use eagpt_scene::median::{SIGMA_OF_MAD, median_of};
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use glam::{Mat3, Quat, Vec3};
@@ -105,7 +105,8 @@ fn free(
     let limit = (3.0 * size).min(reach);
     let level = || beside().filter(|(_, place)| place.height.abs() <= limit);
     let middle = median_of(level().map(|(_, place)| place.height));
-    let spread = 1.4826 * median_of(level().map(|(_, place)| (place.height - middle).abs()));
+    let off = median_of(level().map(|(_, place)| (place.height - middle).abs()));
+    let spread = SIGMA_OF_MAD as f32 * off;
     let thickness = DEVIATIONS * spread.max(depth);
     let covering = level().filter(|(_, place)| place.outside <= narrow);
     let area = covering.map(|(i, _)| seen_along(&gaussians.get(*i), normal));

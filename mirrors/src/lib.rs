@@ -22,13 +22,13 @@ pub use evidence::Evidence;
 pub use place::{Room, pixels};
 
 use eagpt_scene::discs::{Material, Solid, Surface};
+use eagpt_scene::plane::Plane;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, Gloss};
 use eagpt_trace::{TraceError, Tracer};
 use evidence::Seen;
 use glam::{Vec2, Vec3};
 use outline::Outline;
-use plane::Plane;
 use serde::{Deserialize, Serialize};
 use wall::{Hung, Wall};
 
@@ -57,7 +57,7 @@ pub struct Mirror {
 
 impl Mirror {
     fn new(hung: &Hung) -> Self {
-        let [u, v] = hung.plane.axes(hung.axes[1]);
+        let [u, v] = plane::axes(hung.plane.normal, hung.axes[1]);
         Self {
             centre: hung.centre,
             edges: [u * hung.size.x, v * hung.size.y],

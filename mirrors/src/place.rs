@@ -2,6 +2,7 @@
 
 use crate::Mirror;
 use crate::evidence::{Evidence, Scale, difference};
+use crate::plane;
 use eagpt_scene::{Camera, Gaussians, SceneEdit, View};
 use eagpt_trace::blend::Contribution;
 use eagpt_trace::features::GBuffer;
@@ -108,7 +109,8 @@ impl<'a> Room<'a> {
             let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
             let from = self.scale.past();
-            rays.push((mirror.plane()).reflected(frame.origin, direction, distance, from));
+            let ray = (frame.origin, direction);
+            rays.push(plane::reflected(mirror.plane(), ray, distance, from));
             reflected.push((pixel, mirror.reflectance));
         }
         let met = self.tracer.trace_rays(&rays)?;

@@ -1,7 +1,7 @@
 //! Planes of a scene, in which mirrors hang.
 
 use crate::evidence::Seen;
-use eagpt_scene::plane::FittedPlane;
+use eagpt_scene::plane::{FittedPlane, Plane};
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::Ray;
 use glam::{Vec2, Vec3};
@@ -24,65 +24,42 @@ const FITS: usize = 3;
 /// Sine of the slope from which on a plane has an upward axis.
 const LEAST_RISE: f32 = 0.3;
 
-/// An oriented plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Plane {
-    /// Unit, towards what is seen of it.
-    pub(crate) normal: Vec3,
-    /// Signed distance from the origin along the normal, scene units.
-    pub(crate) offset: f32,
+/// The ray that a mirror in a `plane` reflects of one from `origin`, which meets it at a `distance`,
+/// from a `height` above the plane on.
+pub(crate) fn reflected(
+    plane: Plane,
+    (origin, direction): (Vec3, Vec3),
+    distance: f32,
+    height: f32,
+) -> Ray {
+    let mirrored = plane.mirrored(direction);
+    let start = origin + direction * distance + mirrored * (height / plane.normal.dot(mirrored));
+    Ray::free(start.to_array(), mirrored.to_array())
 }
 
-impl Plane {
-    /// Signed distance of a point.
-    pub(crate) fn height(self, point: Vec3) -> f32 {
-        self.normal.dot(point) - self.offset
-    }
+/// Unit axes u and v in a plane of this unit `normal`, u × v being the normal: level, and as far
+/// `up` as may be.
+pub(crate) fn axes(normal: Vec3, up: Vec3) -> [Vec3; 2] {
+    let rising = up.reject_from_normalized(normal);
+    let v = match rising.length() >= LEAST_RISE {
+        true => rising.normalize(),
+        false => normal.any_orthonormal_vector(),
+    };
+    [v.cross(normal), v]
+}
 
-    /// Distance along a ray that meets its front; `None` for others.
-    pub(crate) fn meet(self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        let (height, fall) = (self.height(origin), -self.normal.dot(direction));
-        (height > 0.0 && fall > 0.0).then(|| height / fall)
-    }
-
-    /// A direction, mirrored.
-    pub(crate) fn mirrored(self, direction: Vec3) -> Vec3 {
-        direction - 2.0 * self.normal.dot(direction) * self.normal
-    }
-
-    /// The ray that a mirror in it reflects of one from `origin`, which meets it at a `distance`,
-    /// from a `height` above the plane on.
-    pub(crate) fn reflected(
-        self,
-        origin: Vec3,
-        direction: Vec3,
-        distance: f32,
-        height: f32,
-    ) -> Ray {
-        let mirrored = self.mirrored(direction);
-        let start = origin + direction * distance + mirrored * (height / self.normal.dot(mirrored));
-        Ray::free(start.to_array(), mirrored.to_array())
-    }
-
-    /// Unit axes u and v in it, u × v being its normal: level, and as far `up` as may be.
-    pub(crate) fn axes(self, up: Vec3) -> [Vec3; 2] {
-        let rising = up.reject_from_normalized(self.normal);
-        let v = match rising.length() >= LEAST_RISE {
-            true => rising.normalize(),
-            false => self.normal.any_orthonormal_vector(),
-        };
-        [v.cross(self.normal), v]
-    }
-
-    /// The same, moved by `by` along its normal and turned by small `angles` about the two `axes`
-    /// through a `point` of it, radians.
-    pub(crate) fn moved(self, (by, angles): (f32, Vec2), axes: [Vec3; 2], point: Vec3) -> Self {
-        let turned = self.normal + angles.x * axes[0] + angles.y * axes[1];
-        let normal = turned.normalize();
-        Self {
-            normal,
-            offset: normal.dot(point) + by,
-        }
+/// A plane, moved by `by` along its normal and turned by small `angles` about the two `axes`
+/// through a `point` of it, radians.
+pub(crate) fn moved(
+    plane: Plane,
+    (by, angles): (f32, Vec2),
+    axes: [Vec3; 2],
+    point: Vec3,
+) -> Plane {
+    let normal = (plane.normal + angles.x * axes[0] + angles.y * axes[1]).normalize();
+    Plane {
+        normal,
+        offset: normal.dot(point) + by,
     }
 }
 
@@ -182,12 +159,7 @@ mod tests {
             assert!(found.normal.dot(normal) > 0.9999, "{found:?}");
             assert!((found.offset - offset).abs() < 1e-3, "{found:?}");
         }
-        let [u, v] = found[0].axes(Vec3::Y);
+        let [u, v] = axes(found[0].normal, Vec3::Y);
         assert!(v.dot(Vec3::Y) > 0.999 && u.cross(v).dot(Vec3::NEG_Z) > 0.999);
-        let towards = Vec3::new(0.5, 0.2, 1.0).normalize();
-        assert!((found[0].meet(Vec3::ZERO, towards).unwrap() * towards.z - 3.0).abs() < 1e-3);
-        assert_eq!(found[0].meet(Vec3::ZERO, -towards), None);
-        let mirrored = found[0].mirrored(towards);
-        assert!(mirrored.distance(towards * Vec3::new(1.0, 1.0, -1.0)) < 1e-3);
     }
 }

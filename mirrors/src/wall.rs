@@ -5,8 +5,9 @@ mod refine;
 
 use crate::evidence::{Scale, Seen, difference};
 use crate::outline::{Outline, Scores};
-use crate::plane::Plane;
+use crate::plane;
 use eagpt_scene::median::median_of;
+use eagpt_scene::plane::Plane;
 use eagpt_trace::{Ray, TraceError, Tracer};
 use glam::{IVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -95,7 +96,7 @@ struct Compared {
 impl<'a> Wall<'a> {
     /// The part of a plane in which surfaces lie, at least one of `seen`.
     pub(crate) fn new(seen: &'a [Seen], scale: Scale, plane: Plane, up: Vec3) -> Self {
-        let axes = plane.axes(up);
+        let axes = plane::axes(plane.normal, up);
         let of_plane = seen.iter().filter(|seen| {
             let height = plane.height(seen.position()).abs();
             seen.normal.dot(plane.normal) > SAME_WAY && height <= scale.near
@@ -190,9 +191,9 @@ impl<'a> Wall<'a> {
         let behind = -AT_PLANE * self.scale.near;
         let ray = |sight: &Sight| {
             let seen = &self.seen[sight.seen];
-            plane.reflected(
-                seen.origin,
-                seen.direction,
+            plane::reflected(
+                plane,
+                (seen.origin, seen.direction),
                 sight.distance,
                 self.scale.past(),
             )

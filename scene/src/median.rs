@@ -2,6 +2,9 @@
 
 use glam::Vec3;
 
+/// Standard deviation of normally distributed values over the median of their absolute deviations.
+pub const SIGMA_OF_MAD: f64 = 1.482_602_2;
+
 /// Of values; the order in which they come does not matter.
 pub fn median_of(values: impl Iterator<Item = f32>) -> f32 {
     let mut values: Vec<f32> = values.collect();

@@ -1,7 +1,35 @@
-//! Planes through points.
+//! Planes, and those through points.
 
 use glam::{DVec3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+/// An oriented plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// Unit normal, towards its front.
+    pub normal: Vec3,
+    /// Signed distance from the origin along the normal, scene units.
+    pub offset: f32,
+}
+
+impl Plane {
+    /// Signed distance of a point, positive before the front.
+    pub fn height(self, point: Vec3) -> f32 {
+        self.normal.dot(point) - self.offset
+    }
+
+    /// Distance along a ray that meets its front; `None` for others. The direction is a unit
+    /// vector.
+    pub fn meet(self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        let (height, fall) = (self.height(origin), -self.normal.dot(direction));
+        (height > 0.0 && fall > 0.0).then(|| height / fall)
+    }
+
+    /// A direction, mirrored.
+    pub fn mirrored(self, direction: Vec3) -> Vec3 {
+        direction - 2.0 * self.normal.dot(direction) * self.normal
+    }
+}
 
 /// The least-squares plane through some points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,5 +97,21 @@ mod tests {
         for (own, wanted) in plane.variances.iter().zip([8e-4, 8.0, 32.0]) {
             assert!((own - wanted).abs() < 1e-5, "{own} {wanted}");
         }
+    }
+
+    #[test]
+    fn rays_meet_the_front_of_a_plane() {
+        let wall = Plane {
+            normal: Vec3::NEG_Z,
+            offset: -3.0,
+        };
+        let towards = Vec3::new(0.5, 0.2, 1.0).normalize();
+        assert_eq!(wall.height(Vec3::Z), 2.0);
+        let distance = wall.meet(Vec3::ZERO, towards).unwrap();
+        assert!((distance * towards.z - 3.0).abs() < 1e-6);
+        assert_eq!(wall.meet(Vec3::ZERO, -towards), None);
+        assert_eq!(wall.meet(Vec3::Z * 4.0, -towards), None);
+        let mirrored = towards * Vec3::new(1.0, 1.0, -1.0);
+        assert_eq!(wall.mirrored(towards), mirrored);
     }
 }

@@ -107,9 +107,9 @@ impl Estimate {
             let is_metal = f64::from(own.gloss.specular.max_element()) >= METAL;
             if let Some(plane) = part.plane.filter(|_| is_metal) {
                 let whole = planes.of[source].filter(|whole| {
-                    whole.has(plane.normal) && whole.reaches(gaussians.positions[i])
+                    whole.has(plane.normal()) && whole.reaches(gaussians.positions[i])
                 });
-                let normal = whole.unwrap_or(plane).normal;
+                let normal = whole.unwrap_or(plane).normal();
                 found.rotations[i] = fill::turned(found.rotations[i], normal);
             }
         }

@@ -2,9 +2,9 @@
 
 use crate::fit::shades::{EXPLAINED, partly_hidden};
 use crate::fit::shape_search::Fit;
-use crate::fit::starts::Mount;
 use crate::pixels::patches::Patch;
 use crate::shape::Shape;
+use eagpt_scene::plane::Plane;
 use glam::Vec3;
 
 /// Residual of a dome, at most: a rough mount bulges over its edge. Balls have .026 and less where
@@ -24,7 +24,7 @@ const MAX_HEIGHT: f32 = 0.5;
 pub(crate) fn fit(
     centre: Vec3,
     radius: f32,
-    mount: &Mount,
+    mount: Plane,
     patches: &[Patch],
     residual: f32,
 ) -> Option<Fit> {

@@ -3,10 +3,10 @@
 //! Silhouettes of few pixels cannot tell one from the other.
 
 use crate::evidence::{Evidence, Sight};
-use crate::fit::starts::Mount;
 use crate::group::Group;
 use eagpt_scene::color::luminance;
 use eagpt_scene::median::median_of;
+use eagpt_scene::plane::Plane;
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
@@ -23,14 +23,14 @@ const BRIGHTER: f32 = 1.25;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Beside {
     /// Its plane.
-    pub(crate) mount: Mount,
+    pub(crate) mount: Plane,
     /// Whether the lamp lights it.
     pub(crate) is_lit: bool,
 }
 
 impl Beside {
     /// That of the lamp of `group`, which may be mounted on it.
-    pub(crate) fn new(evidence: &Evidence, group: &Group, mount: Mount) -> Self {
+    pub(crate) fn new(evidence: &Evidence, group: &Group, mount: Plane) -> Self {
         let is_lit = lights_it(evidence, group);
         Self { mount, is_lit }
     }

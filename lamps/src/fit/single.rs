@@ -4,7 +4,7 @@
 use crate::evidence::Evidence;
 use crate::fit::halo::Beside;
 use crate::fit::shape_search::{Fit, ShapeSearch};
-use crate::fit::starts::{Mount, first_flat, mount};
+use crate::fit::starts::{first_flat, level_normal, mount};
 use crate::group::Group;
 use crate::group::points::{extent, pixel_width, points};
 use crate::pixels::measure;
@@ -13,6 +13,7 @@ use crate::pixels::silhouette::Gaps;
 use crate::shape::Shape;
 use crate::shape::search::{best_place, best_place_in_plane};
 use eagpt_scene::median::median_of;
+use eagpt_scene::plane::Plane;
 use glam::Vec3;
 
 /// Residual beyond which it may be something else.
@@ -39,13 +40,13 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
     let fits = search.best(&starts, starts.len());
     let best = fits.first()?.fit;
     let (view, _) = group.by_view().next()?;
-    let shape = in_plane(&best.shape, evidence.sights[view].origin(), &mount)?;
+    let shape = in_plane(&best.shape, evidence.sights[view].origin(), mount)?;
     (best.residual <= MAX_RESIDUAL).then_some(Fit { shape, ..best })
 }
 
 /// A flat shape as seen from `eye`, in the plane of `mount`: its silhouette is the same at any
 /// distance. `None` where it is not flat, or the plane is behind the eye.
-fn in_plane(shape: &Shape, eye: Vec3, mount: &Mount) -> Option<Shape> {
+fn in_plane(shape: &Shape, eye: Vec3, mount: Plane) -> Option<Shape> {
     let flat = shape.flat()?;
     let factor = mount.height(eye) / (mount.height(eye) - mount.height(flat.centre));
     (factor > 0.0).then(|| shape.farther(eye, factor))
@@ -72,7 +73,7 @@ pub(crate) fn of_make(
     };
     let (centre, extent) = extent(&points(evidence, group))?;
     let mount = mount(evidence, group, centre, extent);
-    let plane = mount.and_then(|mount| plane_of(models, centre, mount.level(up)));
+    let plane = mount.and_then(|mount| plane_of(models, centre, level_normal(mount, up)));
     let mounted = plane.and_then(|(normal, along)| {
         let distance = (along - eye.dot(normal)) / direction.dot(normal);
         let fits = models.iter().map(|model| {

@@ -5,7 +5,7 @@ use crate::group::Group;
 use crate::group::points::{Point, pixel_width};
 use crate::shape::{Flat, Shape};
 use eagpt_scene::median::{median, median_of};
-use eagpt_scene::plane::FittedPlane;
+use eagpt_scene::plane::{FittedPlane, Plane};
 use eagpt_scene::rotation;
 use glam::{Mat3, Quat, Vec3};
 use std::collections::HashSet;
@@ -24,29 +24,14 @@ const UPRIGHT: f32 = 0.97;
 /// Cosine between a tilted flat shape and a level one, at least, that it may be.
 const NEARLY_LEVEL: f32 = 0.8;
 
-/// The plane that a lamp may be mounted on.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Mount {
-    /// Unit normal.
-    pub(crate) normal: Vec3,
-    /// Part of places of the plane along the normal.
-    along: f32,
-}
-
-impl Mount {
-    /// The normal, or that of a level plane if it is nearly so: a few pixels tell it to a degree.
-    pub(crate) fn level(&self, up: Vec3) -> Vec3 {
-        let cosine = self.normal.dot(up);
-        if cosine.abs() > UPRIGHT {
-            up * cosine.signum()
-        } else {
-            self.normal
-        }
-    }
-
-    /// Height of a place over the plane, scene units.
-    pub(crate) fn height(&self, place: Vec3) -> f32 {
-        place.dot(self.normal) - self.along
+/// The normal of a mount, or that of a level plane if it is nearly so: a few pixels tell it to a
+/// degree.
+pub(crate) fn level_normal(mount: Plane, up: Vec3) -> Vec3 {
+    let cosine = mount.normal.dot(up);
+    if cosine.abs() > UPRIGHT {
+        up * cosine.signum()
+    } else {
+        mount.normal
     }
 }
 
@@ -54,7 +39,7 @@ impl Mount {
 pub(crate) fn flats(
     points: &[Point],
     centre: Vec3,
-    mount: Option<Mount>,
+    mount: Option<Plane>,
     up: Vec3,
 ) -> Vec<(Flat, bool)> {
     let pixel = pixel_width(points);
@@ -64,7 +49,7 @@ pub(crate) fn flats(
 
 /// Normals that a flat lamp may have, towards the cameras, and whether it is that of the surface it
 /// is mounted on.
-fn normals(points: &[Point], mount: Option<Mount>, up: Vec3) -> Vec<(Vec3, bool)> {
+fn normals(points: &[Point], mount: Option<Plane>, up: Vec3) -> Vec<(Vec3, bool)> {
     let towards: Vec3 = points.iter().map(|p| p.towards).sum();
     let mount = mount.map(|mount| mount.normal);
     let turned = |n: Vec3| if n.dot(towards) < 0.0 { -n } else { n };
@@ -88,7 +73,7 @@ pub(crate) fn mount(
     group: &Group,
     centre: Vec3,
     extent: f32,
-) -> Option<Mount> {
+) -> Option<Plane> {
     let mut near: HashSet<(u32, u32, u32)> = HashSet::new();
     for member in &group.members {
         let Pixel { x, y, .. } = *evidence.pixel(member).1;
@@ -117,9 +102,9 @@ pub(crate) fn mount(
     let held = || around.iter().filter(holds);
     let num = held().count();
     let is_plane = num >= MIN_MOUNT && num as f32 > MOUNT_SHARE * around.len() as f32;
-    is_plane.then(|| Mount {
+    is_plane.then(|| Plane {
         normal,
-        along: median_of(held().map(|(position, _)| position.dot(normal))),
+        offset: median_of(held().map(|(position, _)| position.dot(normal))),
     })
 }
 

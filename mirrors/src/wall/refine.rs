@@ -1,8 +1,9 @@
 //! The plane of a mirror, once its outline is known: an error of 2 cm moves what it shows by 4 cm.
 
 use super::{AT_PLANE, Compared, Hung, Sight, Wall};
-use crate::plane::{Plane, fitted};
+use crate::plane::{fitted, moved};
 use eagpt_scene::median::median_of;
+use eagpt_scene::plane::Plane;
 use eagpt_trace::{TraceError, Tracer};
 use glam::Vec2;
 
@@ -61,7 +62,7 @@ impl Wall<'_> {
                 (0.0, angle * Vec2::NEG_Y),
             ] {
                 let about = hung.centre - best.normal * best.height(hung.centre);
-                let tried = best.moved(change, self.axes, about);
+                let tried = moved(best, change, self.axes, about);
                 let error = error(tried)?;
                 if error < least {
                     (best, least) = (tried, error);

@@ -2,7 +2,7 @@
 //! nothing, are of the surface that they are seen on.
 
 use super::observe::Observations;
-use super::planes::{Plane, Planes};
+use super::planes::{Planes, SurfacePlane};
 use super::segments::Segments;
 use eagpt_scene::Gaussians;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
@@ -27,7 +27,7 @@ pub(super) struct Part {
     /// Number of the surface.
     pub(super) segment: u32,
     /// The plane that it lies in, if the surface is flat there.
-    pub(super) plane: Option<Plane>,
+    pub(super) plane: Option<SurfacePlane>,
 }
 
 /// Of the Gaussians, those of glossy surfaces. `known` says of each surface whether it is glossy;

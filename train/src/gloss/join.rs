@@ -66,7 +66,7 @@ impl Open<'_> {
         self.lost.remove(&pair);
         // A surface that is not flat would take its plane from one that is.
         let is_one_way = match [a, b].map(|surface| self.planes.of[surface]) {
-            [Some(first), Some(second)] => first.has(second.normal),
+            [Some(first), Some(second)] => first.has(second.normal()),
             planes => planes == [None; 2],
         };
         if !is_one_way {

@@ -1,7 +1,7 @@
 //! Photographs of Gaussians, view by view, and the light that a lobe would add to them.
 
 use super::fit::{Lobe, NUM, ROUGHNESSES, Seen};
-use super::planes::Plane;
+use super::planes::SurfacePlane;
 use super::sampler::Sampler;
 use crate::backend::TrainingView;
 use crate::error::Result;
@@ -175,7 +175,7 @@ impl Observation {
     pub(super) fn predict(
         &self,
         (scene, fronts): (&CpuScene, &[Vec3]),
-        (normal, plane): (Vec3, Option<Plane>),
+        (normal, plane): (Vec3, Option<SurfacePlane>),
         key: RandomKey,
     ) -> Option<[[Lobe; NUM]; 4]> {
         let normal = normal * -normal.dot(self.direction).signum();
@@ -187,11 +187,11 @@ impl Observation {
             normal,
             ..self.surface
         };
-        if let Some(plane) = plane {
+        if let Some(SurfacePlane { plane, reach }) = plane {
             // Where the view meets the plane; other discs of it are no neighbours to mirror.
             let distance = -plane.height(surface.position) / plane.normal.dot(self.direction);
             surface.position += self.direction * distance;
-            surface.offset = surface.offset.max(plane.reach);
+            surface.offset = surface.offset.max(reach);
         }
         let lobes = ROUGHNESSES.map(|roughness| {
             let gloss = Gloss {

@@ -6,6 +6,7 @@ use super::segments::Segments;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::Gaussians;
 use eagpt_scene::median::weighted_median;
+use eagpt_scene::plane::Plane;
 use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 
@@ -26,36 +27,33 @@ const ROUNDS: usize = 3;
 
 /// The plane of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Plane {
-    /// Unit.
-    pub(super) normal: Vec3,
-    /// Signed distance from the origin along the normal.
-    pub(super) offset: f32,
+pub(super) struct SurfacePlane {
+    pub(super) plane: Plane,
     /// Discs of the surface are this far from it, at most.
     pub(super) reach: f32,
 }
 
-impl Plane {
-    /// Signed distance of a point.
-    pub(super) fn height(&self, point: Vec3) -> f32 {
-        self.normal.dot(point) - self.offset
+impl SurfacePlane {
+    /// The unit normal.
+    pub(super) fn normal(&self) -> Vec3 {
+        self.plane.normal
     }
 
     /// Whether it reaches as far as a point.
     pub(super) fn reaches(&self, point: Vec3) -> bool {
-        self.height(point).abs() <= self.reach
+        self.plane.height(point).abs() <= self.reach
     }
 
     /// Whether a surface of this unit normal is part of it.
     pub(super) fn has(&self, normal: Vec3) -> bool {
-        normal.dot(self.normal) >= LEAST_COSINE
+        normal.dot(self.normal()) >= LEAST_COSINE
     }
 }
 
 /// Planes and normals of surfaces.
 pub(super) struct Planes {
     /// Of each surface; `None` where it is curved.
-    pub(super) of: Vec<Option<Plane>>,
+    pub(super) of: Vec<Option<SurfacePlane>>,
     /// Whether receivers are part of the plane of their surface, `[receivers]`.
     lies: Vec<bool>,
     /// Unit normals of receivers without most of their noise: of what is part of a plane that of
@@ -66,7 +64,7 @@ pub(super) struct Planes {
 impl Planes {
     /// The planes of surfaces without receivers.
     #[cfg(test)]
-    pub(super) fn flat(of: Vec<Option<Plane>>) -> Self {
+    pub(super) fn flat(of: Vec<Option<SurfacePlane>>) -> Self {
         Self {
             of,
             lies: Vec::new(),
@@ -90,7 +88,7 @@ impl Planes {
             )
         };
         let (centres, areas): (Vec<Vec3>, Vec<f32>) = receivers.iter().map(of_gaussian).unzip();
-        let of: Vec<Option<Plane>> = segments
+        let of: Vec<Option<SurfacePlane>> = segments
             .members()
             .iter()
             .map(|members| plane(receivers, members, &centres, &areas))
@@ -101,14 +99,14 @@ impl Planes {
             let plane = of[segments.of[r] as usize].filter(|plane| plane.has(surface.normal));
             if let Some(plane) = plane {
                 lies[r] = true;
-                normals[r] = plane.normal;
+                normals[r] = plane.normal();
             }
         }
         Self { of, lies, normals }
     }
 
     /// The plane that receiver `r` of a surface is part of, if it is.
-    pub(super) fn of_receiver(&self, r: usize, segment: u32) -> Option<Plane> {
+    pub(super) fn of_receiver(&self, r: usize, segment: u32) -> Option<SurfacePlane> {
         self.of[segment as usize].filter(|_| self.lies[r])
     }
 }
@@ -119,7 +117,7 @@ fn plane(
     members: &[usize],
     centres: &[Vec3],
     areas: &[f32],
-) -> Option<Plane> {
+) -> Option<SurfacePlane> {
     let own = |r: usize| receivers[r].1.normal;
     let sum = |among: &mut dyn Iterator<Item = usize>| -> Option<Vec3> {
         let sum: Vec3 = among.map(|r| own(r) * areas[r]).sum();
@@ -147,9 +145,8 @@ fn plane(
     let middle = middle.sum::<Vec3>() / area(&near);
     let radius = median(&|r| receivers[r].1.position.distance(middle));
     let uneven = median(&|r| (normal.dot(receivers[r].1.position) - offset).abs());
-    (uneven <= MOST_UNEVEN * radius).then(|| Plane {
-        normal,
-        offset,
+    (uneven <= MOST_UNEVEN * radius).then(|| SurfacePlane {
+        plane: Plane { normal, offset },
         reach: (REACH * spread).max(thickness).min(MOST_REACH * radius),
     })
 }

@@ -3,7 +3,7 @@
 use super::evidence::{Decision, Evidence, METAL};
 use super::fit::Fit;
 use super::observe::Observations;
-use super::planes::{Plane, Planes};
+use super::planes::{Planes, SurfacePlane};
 use super::segments::Segments;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::median::median_of;
@@ -31,7 +31,7 @@ const CLEARER: f64 = 2.0;
 /// are a little off, the lobe that is found is, too.
 fn one_metal(
     decided: &[Option<Decision>],
-    lies_in: &impl Fn(usize, Plane) -> bool,
+    lies_in: &impl Fn(usize, SurfacePlane) -> bool,
     planes: &Planes,
 ) -> Vec<(usize, usize)> {
     let bare = |(segment, own): (usize, &Option<Decision>)| {
@@ -71,7 +71,7 @@ pub(super) fn shared(
     let members = segments.members();
     let of_some = |of: &Vec<usize>| median_of(of.iter().map(|&r| seen.spreads[r]));
     let spreads: Vec<f32> = members.iter().map(of_some).collect();
-    let lies_in = |segment: usize, plane: Plane| {
+    let lies_in = |segment: usize, plane: SurfacePlane| {
         let of = &members[segment];
         let is_part = |r: &&usize| {
             let (_, surface) = &seen.receivers[**r];
@@ -126,6 +126,7 @@ pub(super) fn shared(
 mod tests {
     use super::*;
     use eagpt_scene::Gloss;
+    use eagpt_scene::plane::Plane;
 
     /// A wall of steel in three parts, one of which is told badly, and a pan before it.
     #[test]
@@ -145,9 +146,11 @@ mod tests {
                 foretold: explained,
             })
         };
-        let wall = Plane {
-            normal: Vec3::X,
-            offset: 0.0,
+        let wall = SurfacePlane {
+            plane: Plane {
+                normal: Vec3::X,
+                offset: 0.0,
+            },
             reach: 0.05,
         };
         let decided = [

@@ -4,7 +4,7 @@
 //! half their distance off: the fewest that tell it well enough are taken, so that normals of small
 //! things and near edges remain. Points of another surface count less the farther off they are.
 
-use eagpt_scene::median::median_of;
+use eagpt_scene::median::{SIGMA_OF_MAD, median_of};
 use eagpt_scene::plane::FittedPlane;
 use glam::Vec3;
 
@@ -26,8 +26,6 @@ const OFF: f32 = 3.0;
 /// Least standard deviation in distances of the farthest point: that of a cloud without noise is
 /// rounding.
 const LEAST_DEVIATION: f32 = 1e-3;
-/// Standard deviations in the median of absolute deviations, of a normal distribution.
-const DEVIATION: f32 = 1.48;
 
 /// The plane of a point by its neighbours, nearest first, of which it is the first itself: the place
 /// in the plane nearest to it, and the unit normal, of either sign. `None` where they lie in no
@@ -52,7 +50,7 @@ fn fitted(points: &[Vec3]) -> Option<(Option<(Vec3, Vec3)>, f64)> {
     for _ in 0..ROUNDS {
         let (normal, centre) = (fit.normal?, fit.centre);
         let off = |point: &Vec3| normal.dot(*point - centre).abs();
-        deviation = least.max(DEVIATION * median_of(points.iter().map(off)));
+        deviation = least.max(SIGMA_OF_MAD as f32 * median_of(points.iter().map(off)));
         let half = HALF * deviation;
         let weight = |point: &Vec3| f64::from(1.0 + (off(point) / half).powi(2)).recip();
         fit = FittedPlane::weighted(points.iter().map(|point| (*point, weight(point))));
