@@ -1,4 +1,4 @@
-// Attributes of Gaussians as a camera sees them: `SurfelSet::evaluate_harmonics` on the device.
+// Attributes of Gaussians as a camera sees them: `evaluate_harmonics` on the device.
 
 #import declarations
 #import workgroup

@@ -6,7 +6,7 @@
 //! - [`target`]: views that steps are compared with, on the device.
 //! - [`loss`]: the losses of both stages, their features over pixels and their derivatives by the
 //!   features of rays.
-//! - [`report`]: what the host reads after a step: thirteen numbers.
+//! - [`report`]: what the host reads after a step.
 //! - [`structures`]: what these exchange with their kernels.
 //! - [`kernels`]: the modules of these.
 //! - [`task`], [`steps`]: steps of these, several of them under way at once.
