@@ -102,9 +102,10 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         starts.push((first_tube(&points, centre, axis, pixel), false));
     }
     let mut fits = search.best(&starts, NUM_PROMISING);
-    // What training has of a small lamp may be too long a heap for a flat one to begin with.
+    // The heap that training makes of a small lamp may be too long for a flat one to begin with.
+    let vertical = starts::facing(up, starts::towards(&points));
     let level = fits.iter().map(|found| &found.fit.shape);
-    let level = level.filter_map(|shape| starts::level(shape, &points, up));
+    let level = level.filter_map(|shape| starts::level(shape, vertical));
     let level: Vec<(Shape, bool)> = level
         .take(NUM_LEVEL)
         .flat_map(|flat| [Shape::Rectangle(flat), Shape::Ellipse(flat)])

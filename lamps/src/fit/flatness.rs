@@ -16,38 +16,33 @@ const ONE_FACE: f32 = 0.95;
 
 /// Whether cameras at `eyes`, a pixel of which has this `width` at the shape, scene units, know no
 /// more of it than one face.
-pub(super) fn is_panel(shape: &Shape, eyes: impl Iterator<Item = Vec3>, width: f32) -> bool {
+pub(super) fn is_panel(shape: &Shape, eyes: &[Vec3], width: f32) -> bool {
     let flat = match shape {
         Shape::Rectangle(_) | Shape::Ellipse(_) | Shape::Ball { .. } => return false,
         Shape::Tube { .. } => 0.0,
         Shape::Box { .. } => FLAT,
     };
-    let thickness = thickness(shape);
-    let is_unseen = thickness * side(shape) < FLAT_PIXELS * width;
-    thickness < flat
-        || (is_unseen && thickness < RATHER_FLAT)
+    let [thickness, side] = thickness_and_side(shape);
+    let is_unseen = thickness < FLAT_PIXELS * width;
+    thickness < flat * side
+        || (is_unseen && thickness < RATHER_FLAT * side)
         || faces::largest_seen(shape, eyes) > ONE_FACE
 }
 
 /// Whether a tube is a drum not much thicker than a panel.
 pub(super) fn is_rather_flat(tube: &Shape) -> bool {
-    thickness(tube) < RATHER_FLAT
+    let [thickness, side] = thickness_and_side(tube);
+    thickness < RATHER_FLAT * side
 }
 
-/// Length of a tube in its width, or of the shortest side of a box in the next one.
-fn thickness(shape: &Shape) -> f32 {
-    let size = shape.size();
+/// Length and width of a tube, or the shortest side of a box and the next one, scene units.
+fn thickness_and_side(shape: &Shape) -> [f32; 2] {
+    let mut size = shape.size().to_array();
     match shape {
-        Shape::Box { .. } => size.min_element() / side(shape),
-        _ => size.z / side(shape),
-    }
-}
-
-/// Width of a tube, or the middle one of the sides of a box, scene units.
-fn side(shape: &Shape) -> f32 {
-    let [a, b, c] = shape.size().to_array();
-    match shape {
-        Shape::Box { .. } => a.max(b).min(a.min(b).max(c)),
-        _ => a,
+        Shape::Box { .. } => {
+            size.sort_by(f32::total_cmp);
+            [size[0], size[1]]
+        }
+        _ => [size[2], size[0]],
     }
 }

@@ -119,6 +119,8 @@ impl Criterion {
 /// A lamp that shapes are to explain.
 pub(crate) struct ShapeSearch<'a> {
     patches: &'a [Patch],
+    /// Places of the cameras of these.
+    eyes: Vec<Vec3>,
     views: measure::Views<'a>,
     /// Width of a pixel on the lamp, scene units.
     width: f32,
@@ -139,6 +141,7 @@ impl<'a> ShapeSearch<'a> {
     ) -> Self {
         Self {
             patches,
+            eyes: patches.iter().map(|patch| patch.origin).collect(),
             views,
             width,
             beside,
@@ -166,8 +169,7 @@ impl<'a> ShapeSearch<'a> {
     /// Shapes that look alike from the middle of the cameras, nearer and farther: silhouettes of
     /// views from one side say least of that.
     pub(crate) fn nearer_and_farther(&self, shape: &Shape) -> Vec<Shape> {
-        let eyes = self.patches.iter().map(|patch| patch.origin);
-        let eye = eyes.sum::<Vec3>() / self.patches.len() as f32;
+        let eye = self.eyes.iter().sum::<Vec3>() / self.eyes.len() as f32;
         let step = FARTHER_PIXELS * self.width / shape.centre().distance(eye);
         (-NUM_FARTHER..=NUM_FARTHER)
             .map(|num| shape.farther(eye, 1.0 + step * num as f32))
@@ -180,16 +182,15 @@ impl<'a> ShapeSearch<'a> {
     fn ranked(&self, fits: Vec<(Fit, bool)>, limit: bool) -> Vec<Scored> {
         let scored = fits.into_iter().filter_map(|(fit, is_upright)| {
             let tilted = |by: f32| if is_upright { 0.0 } else { by };
+            let off = || if self.is_off(&fit.shape) { TILTED } else { 0.0 };
             let freedom = match fit.shape {
                 shape if self.is_panel(&shape) => return None,
                 Shape::Ball { .. } => 0.0,
                 Shape::Rectangle(flat) | Shape::Ellipse(flat) => {
-                    let off = if self.is_off(&fit.shape) { TILTED } else { 0.0 };
-                    tilted(TILTED).max(off) + if self.leaves_dark(&flat) { TILTED } else { 0.0 }
+                    tilted(TILTED).max(off()) + if self.leaves_dark(&flat) { TILTED } else { 0.0 }
                 }
                 Shape::Tube { .. } if is_rather_flat(&fit.shape) => {
-                    let off = if self.is_off(&fit.shape) { TILTED } else { 0.0 };
-                    tilted(TURNED).max(off) + EDGES
+                    tilted(TURNED).max(off()) + EDGES
                 }
                 Shape::Tube { .. } => tilted(TURNED),
                 Shape::Box { .. } => tilted(TILTED) + EDGES,
@@ -213,8 +214,7 @@ impl<'a> ShapeSearch<'a> {
 
     /// Whether a shape is a panel of which nobody knows whether other sides shine.
     fn is_panel(&self, shape: &Shape) -> bool {
-        let eyes = self.patches.iter().map(|patch| patch.origin);
-        flatness::is_panel(shape, eyes, self.width)
+        flatness::is_panel(shape, &self.eyes, self.width)
     }
 
     /// Whether a flat shape is parallel to the mount but before or behind it.
@@ -253,8 +253,11 @@ impl<'a> ShapeSearch<'a> {
     fn agreed_about(&self, found: &Scored, most: f32) -> Shape {
         let Fit { shape, gaps, .. } = found.fit;
         let against = |shape: &Shape| {
+            if self.is_panel(shape) {
+                return f32::INFINITY;
+            }
             let fit = Fit::new(*shape, self.patches, gaps);
-            if self.is_panel(shape) || fit.residual > most {
+            if fit.residual > most {
                 return f32::INFINITY;
             }
             let measured = self.views.measure(shape);

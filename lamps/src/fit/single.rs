@@ -74,12 +74,12 @@ pub(crate) fn of_make(
     let (centre, extent) = extent(&points(evidence, group))?;
     let mount = mount(evidence, group, centre, extent);
     let plane = mount.and_then(|mount| plane_of(models, centre, level_normal(mount, up)));
-    let mounted = plane.and_then(|(normal, along)| {
-        let distance = (along - eye.dot(normal)) / direction.dot(normal);
+    let mounted = plane.and_then(|plane| {
+        let distance = -plane.height(eye) / direction.dot(plane.normal);
         let fits = models.iter().map(|model| {
             let (start, patches) = begun(model, distance);
             let fit = |shape: &Shape| Fit::new(*shape, &patches, Gaps::Seen);
-            fit(&best_place_in_plane(&start, normal, |shape| {
+            fit(&best_place_in_plane(&start, plane.normal, |shape| {
                 fit(shape).residual
             }))
         });
@@ -103,13 +103,16 @@ fn best_of(fits: impl Iterator<Item = Fit>) -> Option<Fit> {
     fits.min_by(|a, b| a.residual.total_cmp(&b.residual))
 }
 
-/// Unit normal, and part along it, of the plane that most shapes are in of those that may be mounted
-/// on what is about `place`; `None` without any.
-fn plane_of(shapes: &[Shape], place: Vec3, normal: Vec3) -> Option<(Vec3, f32)> {
+/// The plane of this unit `normal` that most shapes are in of those that may be mounted on what is
+/// about `place`; `None` without any.
+fn plane_of(shapes: &[Shape], place: Vec3, normal: Vec3) -> Option<Plane> {
     let near = shapes.iter().filter(|shape| {
         let height = (shape.centre() - place).dot(normal);
         height.abs() <= shape.size().max_element()
     });
     let along: Vec<f32> = near.map(|shape| shape.centre().dot(normal)).collect();
-    (!along.is_empty()).then(|| (normal, median_of(along.into_iter())))
+    (!along.is_empty()).then(|| Plane {
+        normal,
+        offset: median_of(along.into_iter()),
+    })
 }

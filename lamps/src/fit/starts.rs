@@ -47,12 +47,26 @@ pub(crate) fn flats(
     normals(points, mount, up).into_iter().map(flat).collect()
 }
 
+/// Sum of the unit vectors from the points of a lamp to the cameras that show them.
+pub(crate) fn towards(points: &[Point]) -> Vec3 {
+    points.iter().map(|p| p.towards).sum()
+}
+
+/// A normal of either sign, turned `towards` the cameras.
+pub(crate) fn facing(normal: Vec3, towards: Vec3) -> Vec3 {
+    if normal.dot(towards) < 0.0 {
+        -normal
+    } else {
+        normal
+    }
+}
+
 /// Normals that a flat lamp may have, towards the cameras, and whether it is that of the surface it
 /// is mounted on.
 fn normals(points: &[Point], mount: Option<Plane>, up: Vec3) -> Vec<(Vec3, bool)> {
-    let towards: Vec3 = points.iter().map(|p| p.towards).sum();
+    let towards = towards(points);
     let mount = mount.map(|mount| mount.normal);
-    let turned = |n: Vec3| if n.dot(towards) < 0.0 { -n } else { n };
+    let turned = |n: Vec3| facing(n, towards);
     let plane = FittedPlane::through(points.iter().map(|p| p.position));
     let mut found: Vec<(Vec3, bool)> = mount.map(|n| (turned(n), true)).into_iter().collect();
     // Most lamps face up or down, if they are flat, and most walls stand upright, though training
@@ -144,21 +158,19 @@ pub(crate) fn range(values: impl Iterator<Item = f32>) -> f32 {
     nth(last - tail) - nth(tail)
 }
 
-/// The level flat shape about the middle of another one, as large, that most `points` see; `None`
-/// of boxes, and of what is upright.
-pub(crate) fn level(of: &Shape, points: &[Point], up: Vec3) -> Option<Flat> {
-    let towards: Vec3 = points.iter().map(|p| p.towards).sum();
-    let axis = of.rotation() * Vec3::Z;
-    let axis = if axis.dot(towards) < 0.0 { -axis } else { axis };
-    let normal = if up.dot(towards) < 0.0 { -up } else { up };
-    let is_nearly = axis.dot(normal) > NEARLY_LEVEL;
+/// The flat shape of a vertical unit `normal`, towards the cameras, about the middle of another one,
+/// as large; `None` of boxes, and of what is upright.
+pub(crate) fn level(of: &Shape, normal: Vec3) -> Option<Flat> {
+    let cosine = (of.rotation() * Vec3::Z).dot(normal);
     let (rotation, size) = match *of {
-        Shape::Rectangle(flat) | Shape::Ellipse(flat) if is_nearly => {
+        Shape::Rectangle(flat) | Shape::Ellipse(flat) if cosine > NEARLY_LEVEL => {
             let own = flat.rotation;
             let turn = Quat::from_rotation_arc(own * Vec3::Z, normal);
             (rotation::unit(turn * own), flat.size)
         }
-        Shape::Tube { radius, .. } if is_nearly => (rotation::from_z_to(normal), [2.0 * radius; 2]),
+        Shape::Tube { radius, .. } if cosine.abs() > NEARLY_LEVEL => {
+            (rotation::from_z_to(normal), [2.0 * radius; 2])
+        }
         Shape::Ball { radius, .. } => (rotation::from_z_to(normal), [2.0 * radius; 2]),
         _ => return None,
     };

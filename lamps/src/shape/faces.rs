@@ -64,6 +64,23 @@ impl Solid {
             size: Vec3::from(lamp.size),
         })
     }
+
+    /// The face on one side of an axis, −1 or 1, whose normal points along the axis or against it,
+    /// 1 or −1.
+    fn side(&self, axis: usize, side: f32, normal: f32) -> Flat {
+        let frame = Mat3::from_quat(self.rotation);
+        let [x, y] = [(axis + 1) % 3, (axis + 2) % 3];
+        let [u, v, w] = [
+            frame.col(x),
+            frame.col(y) * normal,
+            frame.col(axis) * normal,
+        ];
+        Flat {
+            centre: self.centre + frame.col(axis) * (0.5 * side * self.size[axis]),
+            rotation: rotation::unit(Quat::from_mat3(&Mat3::from_cols(u, v, w))),
+            size: [self.size[x], self.size[y]],
+        }
+    }
 }
 
 /// Faces of a lamp that cameras at `eyes` see, and the opposite ones.
@@ -97,31 +114,16 @@ pub(crate) fn of(solid: &Solid, eyes: &[Vec3]) -> Vec<Face> {
         LampShape::Box => 0..3,
         LampShape::Ball | LampShape::Other => return Vec::new(),
     };
-    let frame = Mat3::from_quat(rotation);
-    // The side of an axis seen along or against it.
-    let side = |axis: usize, side: f32, normal: f32| {
-        let [x, y] = [(axis + 1) % 3, (axis + 2) % 3];
-        let [u, v, w] = [
-            frame.col(x),
-            frame.col(y) * normal,
-            frame.col(axis) * normal,
-        ];
-        Flat {
-            centre: centre + frame.col(axis) * (0.5 * side * size[axis]),
-            rotation: rotation::unit(Quat::from_mat3(&Mat3::from_cols(u, v, w))),
-            size: [size[x], size[y]],
-        }
-    };
     // Of two faces that cameras hardly see, the one away from most of them is at the mount.
-    let towards_eyes = solid.towards(eyes);
+    let (frame, towards_eyes) = (Mat3::from_quat(rotation), solid.towards(eyes));
     axes.flat_map(|axis| {
         let towards = towards_eyes.dot(frame.col(axis));
-        let shines = match [-1.0, 1.0].map(|sign| is_seen(&side(axis, sign, sign), eyes)) {
+        let shines = match [-1.0, 1.0].map(|sign| is_seen(&solid.side(axis, sign, sign), eyes)) {
             [false, false] => [towards < 0.0, towards > 0.0],
             seen => seen,
         };
         [(-1.0, shines[0]), (1.0, shines[1])].map(|(sign, shines)| Face {
-            flat: side(axis, sign, if shines { sign } else { -sign }),
+            flat: solid.side(axis, sign, if shines { sign } else { -sign }),
             is_mount: !shines,
             shines,
             depth: size[axis],
@@ -132,38 +134,34 @@ pub(crate) fn of(solid: &Solid, eyes: &[Vec3]) -> Vec<Face> {
 }
 
 /// Of what `eyes` see of a shape, the share that is its flat face they see most of, 0 to 1.
-pub(crate) fn largest_seen(shape: &Shape, eyes: impl Iterator<Item = Vec3>) -> f32 {
-    let frame = Mat3::from_quat(shape.rotation());
-    let half = 0.5 * shape.size();
-    // Of an area across an axis of the shape, on either side of its middle, and of what is round
-    // about the z axis.
-    let areas = match shape {
-        Shape::Rectangle(_) | Shape::Ellipse(_) => return 1.0,
-        Shape::Ball { .. } => return 0.0,
-        Shape::Tube { .. } => Vec3::Z * (PI * half.x * half.y),
-        Shape::Box { .. } => 4.0 * Vec3::new(half.y * half.z, half.z * half.x, half.x * half.y),
+pub(crate) fn largest_seen(shape: &Shape, eyes: &[Vec3]) -> f32 {
+    let solid = Solid::of_shape(shape);
+    let (axes, filled, round) = match solid.kind {
+        LampShape::Panel => return 1.0,
+        LampShape::Ball | LampShape::Other => return 0.0,
+        LampShape::Tube => (2..3, 0.25 * PI, solid.size.x * solid.size.z),
+        LampShape::Box => (0..3, 1.0, 0.0),
     };
-    let side = match shape {
-        Shape::Tube { .. } => 4.0 * half.x * half.z,
-        _ => 0.0,
+    let of_face = |flat: Flat| -> f32 {
+        let solid_angles = eyes.iter().map(|eye| {
+            let off = *eye - flat.centre;
+            off.dot(flat.normal()).max(0.0) / off.length().powi(3)
+        });
+        filled * flat.size[0] * flat.size[1] * solid_angles.sum::<f32>()
     };
-    let mut faces = [[0.0; 2]; 3];
-    let mut round = 0.0;
-    for eye in eyes {
-        let from_centre = frame.transpose() * (eye - shape.centre());
-        for axis in 0..3 {
-            for (k, sign) in [-1.0, 1.0].into_iter().enumerate() {
-                let own = Vec3::AXES[axis] * (sign * half[axis]);
-                let off = from_centre - own;
-                let height = (sign * off[axis]).max(0.0);
-                faces[axis][k] += areas[axis] * height / off.length().powi(3);
-            }
-        }
-        round += side * from_centre.truncate().length() / from_centre.length().powi(3);
-    }
-    let faces = faces.as_flattened();
-    let all = faces.iter().sum::<f32>() + round;
-    faces.iter().copied().fold(0.0, f32::max) / all
+    let faces = axes.flat_map(|axis| [-1.0, 1.0].map(|sign| solid.side(axis, sign, sign)));
+    let (largest, all) = faces
+        .map(of_face)
+        .fold((0.0_f32, 0.0), |(largest, all), seen| {
+            (largest.max(seen), all + seen)
+        });
+    // The round side of a tube is a rectangle across the line of sight.
+    let axis = solid.rotation * Vec3::Z;
+    let of_side = eyes.iter().map(|eye| {
+        let off = *eye - solid.centre;
+        off.cross(axis).length() / off.length().powi(3)
+    });
+    largest / (all + round * of_side.sum::<f32>())
 }
 
 fn is_seen(flat: &Flat, eyes: &[Vec3]) -> bool {
@@ -184,7 +182,7 @@ mod tests {
         let seen = |shape: &Shape, towards: Vec3| {
             // From afar, where all faces are equally far.
             let eye = shape.centre() + turned * (1e3 * towards.normalize());
-            largest_seen(shape, [eye].into_iter())
+            largest_seen(shape, &[eye])
         };
         let (centre, rotation) = (Vec3::ONE, turned);
         let bar = Shape::Box {

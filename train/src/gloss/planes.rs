@@ -138,15 +138,18 @@ fn plane(
     }
     let median =
         |value: &dyn Fn(usize) -> f32| weighted_median(near.iter().map(|&r| (value(r), areas[r])));
-    let offset = median(&|r| normal.dot(receivers[r].1.position));
-    let spread = median(&|r| (normal.dot(centres[r]) - offset).abs());
+    let plane = Plane {
+        normal,
+        offset: median(&|r| normal.dot(receivers[r].1.position)),
+    };
+    let spread = median(&|r| plane.height(centres[r]).abs());
     let thickness = median(&|r| receivers[r].1.offset);
     let middle = near.iter().map(|&r| receivers[r].1.position * areas[r]);
     let middle = middle.sum::<Vec3>() / area(&near);
     let radius = median(&|r| receivers[r].1.position.distance(middle));
-    let uneven = median(&|r| (normal.dot(receivers[r].1.position) - offset).abs());
+    let uneven = median(&|r| plane.height(receivers[r].1.position).abs());
     (uneven <= MOST_UNEVEN * radius).then(|| SurfacePlane {
-        plane: Plane { normal, offset },
+        plane,
         reach: (REACH * spread).max(thickness).min(MOST_REACH * radius),
     })
 }
