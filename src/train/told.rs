@@ -69,6 +69,13 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
             "{num} Gaussians near lamps are brighter than they can reflect, and emit; {num_lit} in \
              masks of lamps are not, and reflect"
         )),
+        TrainProgress::Glows { num } => reporter.note(&format!(
+            "{num} surface{} that no mask shows {} brighter than can be reflected, and emit{}: \
+             see \"glow-*\" in the list of lamps",
+            if *num == 1 { "" } else { "s" },
+            if *num == 1 { "is" } else { "are" },
+            if *num == 1 { "s" } else { "" },
+        )),
         // For pages; there is nothing to print.
         TrainProgress::Scene { .. } => return Ok(()),
         TrainProgress::AlbedosLimited { num: 0 } | TrainProgress::Checkpoint { .. } => {}

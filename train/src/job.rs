@@ -6,6 +6,7 @@ mod fingerprint;
 mod finish;
 mod folder;
 mod gloss;
+mod glows;
 mod initial;
 mod lamps;
 mod lights;

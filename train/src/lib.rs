@@ -25,6 +25,7 @@ mod densify;
 mod energy;
 mod error;
 mod gloss;
+mod glows;
 pub mod init;
 pub mod irradiance;
 pub mod job;

@@ -94,6 +94,11 @@ pub enum TrainProgress {
         /// Gaussians that do not any more.
         num_lit: usize,
     },
+    /// Surfaces that no mask shows emit, as they are brighter than they can reflect.
+    Glows {
+        /// Surfaces.
+        num: usize,
+    },
     /// Surfaces that reflected more than they received are darker now.
     AlbedosLimited {
         /// Gaussians.

@@ -120,6 +120,15 @@ impl Views {
         self.of_poses().map(|index| self.camera(index)).collect()
     }
 
+    /// As [`Self::cameras`], with the names of their views.
+    pub(crate) fn named_cameras(&self) -> impl Iterator<Item = (Camera, &str)> {
+        self.of_poses().map(|index| {
+            let (light, frame) = self.place(index);
+            let frame = &self.dataset(light).frames()[frame];
+            (frame.camera, frame.name.as_str())
+        })
+    }
+
     /// One view of each camera that has views in several lights, whose lights take turns; all
     /// others.
     fn of_poses(&self) -> impl Iterator<Item = usize> + '_ {

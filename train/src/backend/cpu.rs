@@ -9,6 +9,7 @@ use eagpt_scene::{Camera, SceneEdit};
 use eagpt_trace::Tracer as _;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::GBuffer;
+use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 use std::ops::Range;
 
@@ -79,6 +80,10 @@ impl Backend for CpuBackend {
 
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
         (self.trainer).gather(&self.parameters, range, num_samples, seed)
+    }
+
+    fn gathered(&self, light: usize) -> Vec<(Receiver, Vec3)> {
+        self.trainer.gathered(light)
     }
 
     fn begin_albedo(&mut self, shares: &[Vec<f32>]) -> Result<()> {

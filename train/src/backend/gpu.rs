@@ -34,6 +34,7 @@ use eagpt_trace::Tracer as _;
 use eagpt_trace::features::GBuffer;
 use eagpt_trace::gpu::kernel::Buffer;
 use eagpt_trace::gpu::{Device, GpuScene};
+use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 use loss::LossBuffers;
 use params::ResidentState;
@@ -273,6 +274,10 @@ impl Backend for GpuBackend {
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
         let (trainer, parameters) = self.host()?;
         trainer.gather(parameters, range, num_samples, seed)
+    }
+
+    fn gathered(&self, light: usize) -> Vec<(Receiver, Vec3)> {
+        self.trainer.gathered(light)
     }
 
     fn begin_albedo(&mut self, shares: &[Vec<f32>]) -> Result<()> {

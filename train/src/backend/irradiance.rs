@@ -92,6 +92,12 @@ impl GaussianIrradiance {
         Ok(())
     }
 
+    /// The Gaussians seen, with the irradiance over π there; none before all is gathered.
+    pub(super) fn received(&self) -> Vec<(Receiver, Vec3)> {
+        let seen = self.seen.iter().copied();
+        seen.zip(self.irradiance.iter().copied()).collect()
+    }
+
     /// Irradiance over π of each Gaussian, and 1 where it is known or else zeros, `[n]`.
     pub(super) fn by_gaussian(&self, num: usize) -> Vec<Vec4> {
         let mut known = vec![Vec4::ZERO; num];

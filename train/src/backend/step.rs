@@ -9,6 +9,7 @@ use crate::points::SeenPoints;
 use eagpt_scene::{Camera, SceneEdit, View};
 use eagpt_trace::CameraRays;
 use eagpt_trace::features::GBuffer;
+use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 use std::ops::Range;
 use std::sync::Arc;
@@ -162,6 +163,10 @@ pub trait Backend {
     /// # Errors
     /// If the device fails.
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()>;
+
+    /// What is gathered in a light: each Gaussian that cameras see, with the surface that it is part
+    /// of and the irradiance over π there; empty before all is gathered.
+    fn gathered(&self, light: usize) -> Vec<(Receiver, Vec3)>;
 
     /// Begins stage 1: forgets Adam's moments and sets the albedos to start from. They are the
     /// closed form `ρ = π r / E` where irradiance was gathered, of sums over several lights, and

@@ -6,8 +6,8 @@ use crate::gloss::{self, Estimate};
 use crate::options::TrainOptions;
 use crate::progress::TrainProgress;
 use crate::views::Views;
-use eagpt_scene::Gaussians;
 use eagpt_scene::color::luminance;
+use eagpt_scene::{Gaussians, Gloss};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::glossy::Mirrored;
 use eagpt_trace::{LightOptions, Tracer};
@@ -36,6 +36,11 @@ impl RunGloss {
     /// Gives the finished scene its gloss.
     pub(super) fn apply(&self, gaussians: &mut Gaussians) {
         self.estimate.apply(gaussians);
+    }
+
+    /// Gloss of each Gaussian; empty where nothing is glossy.
+    pub(super) fn of_gaussians(&self) -> &[Gloss] {
+        &self.estimate.gloss
     }
 
     /// A view as stage 1 is to explain it. It has another index than the photograph: prepared

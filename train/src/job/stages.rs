@@ -49,6 +49,9 @@ impl Run<'_> {
             return Ok(false);
         }
         if position.stage == Stage::Radiance {
+            if gathers {
+                self.mark_glows(backend, views)?;
+            }
             backend.begin_albedo(&self.gloss.shares)?;
             position.stage = Stage::Albedo;
             position.iteration = 0;

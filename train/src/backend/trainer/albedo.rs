@@ -13,6 +13,7 @@ use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::blend::{GradientMask, LocalGradient, grad_lane};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::{Features, lane};
+use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::{CameraRays, Tracer};
 use glam::{Vec3, Vec4};
 use std::ops::Range;
@@ -51,6 +52,12 @@ impl<S: Tracer> Trainer<S> {
         let radiances = &parameters.gaussians.radiances;
         let key = RandomKey::new(seed, Purpose::Albedo, 0);
         irradiance.gather(&**scene, radiances, range, num_samples, key)
+    }
+
+    /// See [`crate::backend::Backend::gathered`].
+    pub(in crate::backend) fn gathered(&self, light: usize) -> Vec<(Receiver, Vec3)> {
+        let irradiance = self.irradiance.get(&light);
+        irradiance.map_or(Vec::new(), GaussianIrradiance::received)
     }
 
     /// See [`crate::backend::Backend::begin_albedo`].
