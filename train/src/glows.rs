@@ -116,7 +116,6 @@ fn connected<N: Iterator<Item = usize>>(
             }
             next += 1;
         }
-        members.sort_unstable();
         all.push(members);
     }
     all
