@@ -69,6 +69,10 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
             "{num} Gaussians near lamps are brighter than they can reflect, and emit; {num_lit} in \
              masks of lamps are not, and reflect"
         )),
+        TrainProgress::Unseen { share } => reporter.note(&format!(
+            "{:.0} % of the light comes from where no view looks: see \"unseen-*\" in the list of lamps",
+            100.0 * share
+        )),
         TrainProgress::Glows { num } => reporter.note(&format!(
             "{num} surface{} that no mask shows {} brighter than can be reflected, and emit{}: \
              see \"glow-*\" in the list of lamps",

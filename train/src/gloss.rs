@@ -19,12 +19,12 @@ mod join;
 mod observe;
 mod planes;
 mod sampler;
-mod segments;
 mod share;
 
 use crate::backend::TrainingView;
 use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
+use crate::segments::Segments;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, Gloss};
 use eagpt_trace::cpu::CpuScene;
@@ -34,7 +34,7 @@ use glam::{Quat, Vec3};
 use observe::Observations;
 use planes::Planes;
 use rayon::prelude::*;
-use segments::Segments;
+
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -131,11 +131,12 @@ impl Estimate {
     }
 
     /// Gives `gaussians` the gloss that was found, takes the albedo of bare metal, and turns discs
-    /// of metal planes.
+    /// of metal planes. Those that have come since, at the end, have none.
     pub(crate) fn apply(&self, gaussians: &mut Gaussians) {
         if !self.gloss.is_empty() {
             gaussians.gloss.clone_from(&self.gloss);
-            gaussians.rotations.clone_from(&self.rotations);
+            gaussians.gloss.resize(gaussians.len(), Gloss::NONE);
+            gaussians.rotations[..self.rotations.len()].copy_from_slice(&self.rotations);
             for &i in &self.bare {
                 gaussians.albedos[i] = Vec3::ZERO;
             }

@@ -18,6 +18,7 @@ mod run;
 mod stages;
 mod start;
 mod steps;
+mod unseen;
 mod watch;
 
 use crate::backend;

@@ -40,7 +40,9 @@ pub mod params;
 pub mod points;
 mod progress;
 pub mod relit;
+mod segments;
 pub mod surfaces;
+mod unseen;
 mod views;
 
 pub use error::{Result, TrainError};

@@ -307,6 +307,9 @@ pub struct AlbedoOptions {
     pub num_samples: u32,
     /// Whether glossy surfaces are looked for before the stage; in the paper all are diffuse.
     pub gloss: bool,
+    /// Whether light is looked for that comes from where no view looks, and is not the surfaces'.
+    /// Lamps have to be listed (`radiance.lamps.clean`) and light gathered at Gaussians.
+    pub unseen_light: bool,
     /// Step size of the albedo's logit.
     pub rate: f32,
     /// The rate falls exponentially to this share at the end.

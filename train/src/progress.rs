@@ -94,6 +94,11 @@ pub enum TrainProgress {
         /// Gaussians that do not any more.
         num_lit: usize,
     },
+    /// Light comes from where no view looks, and emitters are there now.
+    Unseen {
+        /// Share of all light, 0 to 1.
+        share: f64,
+    },
     /// Surfaces that no mask shows emit, as they are brighter than they can reflect.
     Glows {
         /// Surfaces.

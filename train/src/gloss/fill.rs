@@ -3,7 +3,7 @@
 
 use super::observe::Observations;
 use super::planes::{Planes, SurfacePlane};
-use super::segments::Segments;
+use crate::segments::Segments;
 use eagpt_scene::Gaussians;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::matrix::Receiver;

@@ -3,8 +3,8 @@
 
 use super::evidence::Evidence;
 use super::planes::Planes;
-use super::segments::Segments;
 use crate::irradiance::smooth::Smoothing;
+use crate::segments::Segments;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Share of the differences between views that each of two surfaces may lose in what is explained.

@@ -1,6 +1,6 @@
 //! Surfaces that shine of themselves join the lamps, once the light that they receive is known.
 
-use super::lamps::all_emitting;
+use super::lamps::{all_emitting, without};
 use super::run::Run;
 use crate::backend::Backend;
 use crate::bake::emits;
@@ -8,9 +8,10 @@ use crate::error::Result;
 use crate::glows::{self, Surfaces};
 use crate::progress::TrainProgress;
 use crate::views::Views;
-use eagpt_scene::Lamps;
-use eagpt_scene::lamps::{read_lamps, write_lamps};
-use std::path::Path;
+use eagpt_scene::lamps::write_lamps;
+
+/// What names of such lamps begin with.
+const NAME: &str = "glow-";
 
 impl Run<'_> {
     /// Lets surfaces emit that are brighter than the light gathered there allows, and lists them
@@ -28,11 +29,13 @@ impl Run<'_> {
         let (num_moving, scenes) = (state.num_moving(), state.in_lights());
         let mut found = Vec::new();
         for light in lights {
+            let mut lamps = without(&lists[light], NAME)?;
+            lamps.lamps.retain(|lamp| !lamp.views.is_empty());
             found.push(glows::glows(&Surfaces {
                 gaussians: &scenes[light],
                 num_moving,
                 received: &backend.gathered(light),
-                lamps: &masked(&lists[light])?,
+                lamps: &lamps,
                 gloss: self.gloss.of_gaussians(),
             }));
         }
@@ -54,12 +57,12 @@ impl Run<'_> {
         let tracer = self.request.device.scene(&scenes[0])?;
         let sights = glows::sights(&all, (&*tracer, scenes[0].len()), views.named_cameras())?;
         for (list, scene) in lists.iter().zip(&scenes) {
-            let mut lamps = masked(list)?;
+            let mut lamps = without(list, NAME)?;
             for ((members, sight), number) in all.iter().zip(&sights).zip(1..) {
                 let members = members.iter().copied();
                 let members: Vec<usize> = members.filter(|&i| emits(scene.emissions[i])).collect();
                 if !members.is_empty() {
-                    let name = format!("glow-{number}");
+                    let name = format!("{NAME}{number}");
                     lamps.lamps.push(glows::lamp(name, scene, &members, sight));
                 }
             }
@@ -68,11 +71,4 @@ impl Run<'_> {
         (self.progress)(TrainProgress::Glows { num: all.len() });
         Ok(())
     }
-}
-
-/// The lamps of a list that masks show: a run that is taken up has listed others already.
-fn masked(list: &Path) -> Result<Lamps> {
-    let mut lamps = read_lamps(list)?;
-    lamps.lamps.retain(|lamp| lamp.num_pixels > 0);
-    Ok(lamps)
 }

@@ -9,7 +9,7 @@ use crate::luminous::luminous;
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_lamps::Evidence;
-use eagpt_scene::lamps::{Lamp, read_lamps, write_lamps};
+use eagpt_scene::lamps::{Lamp, Lamps, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, LampShape};
 use std::collections::HashSet;
@@ -119,6 +119,14 @@ pub(super) fn all_emitting(lights: &[Gaussians]) -> Gaussians {
     scene
 }
 
+/// The lamps of a list but those whose names begin with `prefix`: a run that is taken up may have
+/// listed them already.
+pub(super) fn without(list: &Path, prefix: &str) -> Result<Lamps> {
+    let mut lamps = read_lamps(list)?;
+    lamps.lamps.retain(|lamp| !lamp.name.starts_with(prefix));
+    Ok(lamps)
+}
+
 /// Takes out of the list of lamps at `path`, if there is one, those without a clean shape of which
 /// no Gaussian of the finished `scene` emits.
 pub(super) fn keep_emitting(path: &Path, scene: &Gaussians) -> Result<()> {
@@ -145,7 +153,6 @@ pub(super) fn keep_emitting(path: &Path, scene: &Gaussians) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eagpt_scene::Lamps;
     use eagpt_testkit::gaussians::{material, sphere};
     use eagpt_testkit::lamps::boxed;
     use glam::Vec3;

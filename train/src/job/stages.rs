@@ -50,6 +50,9 @@ impl Run<'_> {
         }
         if position.stage == Stage::Radiance {
             if gathers {
+                if self.light_unseen(backend, views)? && !self.gather(backend, views)? {
+                    return Ok(false);
+                }
                 self.mark_glows(backend, views)?;
             }
             backend.begin_albedo(&self.gloss.shares)?;

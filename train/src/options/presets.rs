@@ -51,6 +51,7 @@ impl TrainOptions {
             gather: Gather::Gaussians,
             num_samples,
             gloss: preset == Preset::Fast,
+            unseen_light: preset != Preset::Paper,
             rate: 5e-2,
             final_share: 0.1,
             emission_threshold: eagpt_trace::transport::EMISSION_THRESHOLD,

@@ -1,0 +1,335 @@
+//! Radiance of unseen cells that makes albedos of one material alike.
+//!
+//! A receiver of radiance r, known irradiance over π e and shares mᶜ of its directions in which it
+//! sees cells c has the albedo r / (e + Σ mᶜ xᶜ). Its logarithm should be the same for all receivers
+//! of a surface of one material: x, not negative, is the minimum of a robust sum of squares of
+//! differences from each surface's own mean, and of a weight on all light that x brings, without
+//! which light that is the same everywhere would be free. Gauss–Newton steps; in each the bounds are
+//! kept by coordinate descent (Franc, Hlaváč and Navara 2005).
+
+use super::hull::Row;
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+
+/// Difference of logarithms of albedo from which on differences count linearly: noise is below.
+const SCALE: f64 = 0.15;
+/// Weight of the light of cells, in parts of the median of what is known. A third and three times
+/// of it change the light found by a tenth.
+const PRIOR: f64 = 1e-3;
+/// Gauss–Newton steps, at most, the least part of the loss that one gains, and halvings of one.
+const STEPS: u32 = 30;
+const LEAST_GAIN: f64 = 1e-4;
+const HALVINGS: u32 = 6;
+/// Rounds of coordinate descent in a step, at most, and the change, in parts of the known light,
+/// that ends them.
+const ROUNDS: u32 = 300;
+const CONVERGED: f64 = 1e-4;
+/// Rounds in which weights and mean of a surface follow each other.
+const MEAN_ROUNDS: u32 = 6;
+
+/// What is known of receivers, in one colour channel; all of one length but for `least`.
+pub(super) struct Equations<'a> {
+    /// Cells that each sees, and the shares of its directions.
+    pub(super) rows: &'a [Row],
+    /// Radiance, positive.
+    pub(super) radiances: &'a [f64],
+    /// Irradiance over π of all that is known, positive.
+    pub(super) known: &'a [f64],
+    /// Number of the surface of one material that each is of.
+    pub(super) segments: &'a [u32],
+    /// Receivers of a surface that counts, at least.
+    pub(super) least: usize,
+}
+
+/// Light of cells.
+pub(super) struct Fit {
+    /// Radiance of each cell.
+    pub(super) x: Vec<f64>,
+    /// Share of all light of the receivers that comes from cells.
+    pub(super) share: f64,
+    /// Part of the loss without it that it takes away.
+    pub(super) explained: f64,
+}
+
+/// Equations of the surfaces that count, and of the cells that are seen, in compact numbers.
+struct Problem {
+    rows: Vec<Row>,
+    radiances: Vec<f64>,
+    known: Vec<f64>,
+    /// Receivers of each surface.
+    members: Vec<Vec<usize>>,
+    /// Derivative of the weight on light.
+    prior: Vec<f64>,
+    /// Median of the known light.
+    usual: f64,
+}
+
+impl Equations<'_> {
+    /// The least light of `num_cells` cells that explains the differences.
+    pub(super) fn fit(&self, num_cells: usize) -> Fit {
+        let (problem, cells) = self.problem();
+        let (x, before, after) = problem.solve(cells.len());
+        let mut all = vec![0.0; num_cells];
+        for (cell, x) in cells.iter().zip(x.iter()) {
+            all[*cell] = *x;
+        }
+        let light: f64 = (0..problem.rows.len()).map(|i| problem.unseen(i, &x)).sum();
+        let known: f64 = problem.known.iter().sum();
+        let of = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
+        Fit {
+            x: all,
+            share: of(light, light + known),
+            explained: of(before - after, before),
+        }
+    }
+
+    fn problem(&self) -> (Problem, Vec<usize>) {
+        let mut members: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (i, segment) in self.segments.iter().enumerate() {
+            members.entry(*segment).or_default().push(i);
+        }
+        members.retain(|_, members| members.len() >= self.least);
+        let mut numbers = BTreeMap::new();
+        let kept: Vec<usize> = members.values().flatten().copied().collect();
+        for (cell, _) in kept.iter().flat_map(|&i| &self.rows[i]) {
+            numbers.insert(*cell, 0);
+        }
+        for (number, of) in numbers.values_mut().enumerate() {
+            *of = number;
+        }
+        let row = |&i: &usize| {
+            let row = self.rows[i].iter();
+            row.map(|(cell, share)| (numbers[cell], *share)).collect()
+        };
+        let rows: Vec<Row> = kept.iter().map(row).collect();
+        let known: Vec<f64> = kept.iter().map(|&i| self.known[i]).collect();
+        let mut sorted = known.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+        let mut prior = vec![0.0; numbers.len()];
+        for (cell, share) in rows.iter().flatten() {
+            prior[*cell] += PRIOR * share / usual;
+        }
+        let mut first = 0;
+        let in_order = members.values().map(|members| {
+            first += members.len();
+            (first - members.len()..first).collect()
+        });
+        let problem = Problem {
+            members: in_order.collect(),
+            radiances: kept.iter().map(|&i| self.radiances[i]).collect(),
+            rows,
+            known,
+            prior,
+            usual,
+        };
+        (problem, numbers.into_keys().collect())
+    }
+}
+
+impl Problem {
+    /// Light of the cells at a receiver.
+    fn unseen(&self, receiver: usize, x: &DVector<f64>) -> f64 {
+        let row = self.rows[receiver].iter();
+        row.map(|(cell, share)| share * x[*cell]).sum()
+    }
+
+    /// Of each receiver the logarithm of its albedo over the mean of its surface, and its weight;
+    /// and the loss.
+    fn residuals(&self, x: &DVector<f64>) -> (Vec<(f64, f64)>, f64) {
+        let mut all = vec![(0.0, 0.0); self.rows.len()];
+        let mut loss: f64 = self.prior.iter().zip(x.iter()).map(|(a, x)| a * x).sum();
+        for members in &self.members {
+            let log = |&i: &usize| (self.radiances[i] / (self.known[i] + self.unseen(i, x))).ln();
+            let logs: Vec<f64> = members.iter().map(log).collect();
+            let weight = |off: f64| 1.0 / (1.0 + (off / SCALE).powi(2)).sqrt();
+            let mut mean = logs.iter().sum::<f64>() / logs.len() as f64;
+            for _ in 0..MEAN_ROUNDS {
+                let weighted = logs.iter().map(|log| (weight(log - mean), log));
+                let (sum, total) = weighted.fold((0.0, 0.0), |(sum, total), (weight, log)| {
+                    (sum + weight * log, total + weight)
+                });
+                mean = sum / total;
+            }
+            for (&i, log) in members.iter().zip(&logs) {
+                let off = log - mean;
+                all[i] = (off, weight(off));
+                loss += SCALE * SCALE * ((1.0 + (off / SCALE).powi(2)).sqrt() - 1.0);
+            }
+        }
+        (all, loss)
+    }
+
+    /// The light of `num` cells, and the loss without and with it.
+    fn solve(&self, num: usize) -> (DVector<f64>, f64, f64) {
+        let mut x = DVector::zeros(num);
+        let (mut residuals, before) = self.residuals(&x);
+        let mut loss = before;
+        for _ in 0..STEPS {
+            let (squares, slope) = self.normal_equations(&x, &residuals);
+            let goal = self.descended(&squares, &slope, &x);
+            let mut step = &goal - &x;
+            let mut next = None;
+            for _ in 0..HALVINGS {
+                let tried = &x + &step;
+                let (there, lower) = self.residuals(&tried);
+                if lower < loss {
+                    next = Some((tried, there, lower));
+                    break;
+                }
+                step *= 0.5;
+            }
+            let Some((tried, there, lower)) = next else {
+                break;
+            };
+            let gain = loss - lower;
+            (x, residuals, loss) = (tried, there, lower);
+            if gain < LEAST_GAIN * before {
+                break;
+            }
+        }
+        (x, before, loss)
+    }
+
+    /// Second derivatives of the loss and its negative slope at `x`, of which each surface's mean is
+    /// eliminated.
+    fn normal_equations(
+        &self,
+        x: &DVector<f64>,
+        residuals: &[(f64, f64)],
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let num = x.len();
+        let mut squares = DMatrix::zeros(num, num);
+        let mut slope = DVector::from_iterator(num, self.prior.iter().map(|prior| -prior));
+        for members in &self.members {
+            let mut sum = DVector::<f64>::zeros(num);
+            let mut total = 0.0;
+            for &i in members {
+                let (off, weight) = residuals[i];
+                let light = self.known[i] + self.unseen(i, x);
+                total += weight;
+                for &(a, share_a) in &self.rows[i] {
+                    let by_a = share_a / light;
+                    sum[a] += weight * by_a;
+                    slope[a] += weight * by_a * off;
+                    for &(b, share_b) in &self.rows[i] {
+                        squares[(a, b)] += weight * by_a * share_b / light;
+                    }
+                }
+            }
+            squares.ger(-1.0 / total, &sum, &sum, 1.0);
+        }
+        (squares, slope)
+    }
+
+    /// The minimum, without negative numbers, of the quadratic that has this slope at `x`.
+    fn descended(
+        &self,
+        squares: &DMatrix<f64>,
+        slope: &DVector<f64>,
+        x: &DVector<f64>,
+    ) -> DVector<f64> {
+        let (mut goal, mut slope) = (x.clone(), slope.clone());
+        for _ in 0..ROUNDS {
+            let mut largest = 0.0_f64;
+            for cell in 0..goal.len() {
+                let curvature = squares[(cell, cell)];
+                if curvature <= 0.0 {
+                    continue;
+                }
+                let moved = (goal[cell] + slope[cell] / curvature).max(0.0);
+                let change = moved - goal[cell];
+                if change != 0.0 {
+                    slope.axpy(-change, &squares.column(cell), 1.0);
+                    goal[cell] = moved;
+                    largest = largest.max(change.abs());
+                }
+            }
+            if largest < CONVERGED * self.usual {
+                break;
+            }
+        }
+        goal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::rng::{Purpose, RandomKey};
+
+    /// Receivers of four surfaces that see three cells of radiance `x`, with known light and
+    /// logarithms of albedo that are off by random numbers of up to `noise`.
+    fn fitted(x: [f64; 3], noise: f64) -> Fit {
+        let key = RandomKey::new(3, Purpose::Initialise, 0);
+        let (mut rows, mut radiances, mut known) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..2000_u32 {
+            let mut stream = key.stream(i, 0);
+            let [a, b, c, d] = stream.next_uniforms().map(f64::from);
+            let [e, ..] = stream.next_uniforms().map(f64::from);
+            // Cells 4, 7 and 2 of ten.
+            let row = vec![(2, 0.2 * c), (4, 0.3 * a), (7, 0.1 * b * b)];
+            let light = 0.2 * c * x[2] + 0.3 * a * x[0] + 0.1 * b * b * x[1] + 0.5 + d;
+            let albedo = [0.1, 0.3, 0.6, 0.8][i as usize % 4];
+            radiances.push(light * albedo * (noise * (2.0 * e - 1.0)).exp());
+            known.push(0.5 + d);
+            rows.push(row);
+        }
+        let segments: Vec<u32> = (0..2000).map(|i| i % 4).collect();
+        let equations = Equations {
+            rows: &rows,
+            radiances: &radiances,
+            known: &known,
+            segments: &segments,
+            least: 30,
+        };
+        equations.fit(10)
+    }
+
+    #[test]
+    fn albedos_alike_tell_the_light_of_cells() {
+        for (x, noise) in [([2.0, 5.0, 0.0], 0.0), ([2.0, 5.0, 1.0], 0.2)] {
+            let found = fitted(x, noise);
+            // The weight on light takes some away.
+            for (cell, x) in [4, 7, 2].into_iter().zip(x) {
+                assert!(
+                    (found.x[cell] - x).abs() < 0.05 + 0.05 * x + noise,
+                    "{x} {}",
+                    found.x[cell]
+                );
+            }
+            let none = [0, 1, 3, 5, 6, 8, 9];
+            assert!(none.iter().all(|&cell| found.x[cell] == 0.0));
+            let explained = if noise == 0.0 { 0.9 } else { 0.3 };
+            assert!(found.explained > explained, "{}", found.explained);
+        }
+    }
+
+    #[test]
+    fn where_there_is_no_light_none_is_found() {
+        let found = fitted([0.0; 3], 0.2);
+        assert!(
+            found.share < 0.01 && found.explained < 0.01,
+            "{} {}",
+            found.share,
+            found.explained
+        );
+        assert_eq!(fitted([0.0; 3], 0.0).x, [0.0; 10]);
+    }
+
+    #[test]
+    fn without_surfaces_there_is_nothing() {
+        let equations = Equations {
+            rows: &[vec![(0, 0.5)]],
+            radiances: &[1.0],
+            known: &[1.0],
+            segments: &[0],
+            least: 2,
+        };
+        let found = equations.fit(1);
+        assert_eq!(
+            (found.share, found.explained, found.x),
+            (0.0, 0.0, vec![0.0])
+        );
+    }
+}

@@ -1,0 +1,244 @@
+//! The box around a scene, in cells, and how much of each cell surfaces see.
+
+use crate::error::Result;
+use crate::irradiance::smooth::Smoothing;
+use eagpt_scene::rng::RandomKey;
+use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::transport::points::Points;
+use eagpt_trace::transport::sampling::cosine_direction;
+use eagpt_trace::{Ray, Tracer};
+use glam::{Mat3, Quat, Vec3};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Directions from each receiver.
+const NUM_DIRECTIONS: u32 = 64;
+/// Opacity along a ray from which on it has met something.
+const MET: f32 = 0.9;
+/// Receivers beyond either end of an axis that are strays, and what the box is larger by on every
+/// side, in parts of its longest edge: so that no surface is outside of it.
+const STRAYS: f32 = 0.003;
+const MARGIN: f32 = 0.02;
+/// Cells along the edge of a cube of the volume of the box. With four to eight the same light is
+/// found.
+const CELLS_ALONG: f32 = 6.0;
+/// Cells along any edge, at most.
+const MAX_ALONG: u32 = 24;
+/// Mean share of their cosine-weighted directions in which receivers see a cell, at least, for
+/// anything to be known of it.
+const LEAST_SEEN: f64 = 3e-4;
+/// Rays that are traced together.
+const RAYS_AT_ONCE: usize = 1 << 18;
+
+/// Cells that a receiver sees, and the shares of its directions, ascending by cell.
+pub(super) type Row = Vec<(usize, f64)>;
+
+/// Two sides of each of three axes.
+pub(super) const NUM_FACES: u32 = 6;
+
+/// The box, whose third axis is upright, and its cells, which are counted face by face.
+pub(super) struct Hull {
+    /// World from the box's own axes.
+    pub(super) rotation: Quat,
+    pub(super) low: Vec3,
+    pub(super) high: Vec3,
+    /// Cells along each axis.
+    pub(super) num: [u32; 3],
+}
+
+/// A cell of a face.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct Cell {
+    /// Twice the axis that it is at right angles to, and one more on the high side.
+    pub(super) face: u32,
+    /// Numbers along the two axes after that one.
+    pub(super) at: [u32; 2],
+}
+
+impl Hull {
+    /// The box around the receivers, `up` being the unit vector upwards; `None` if they are too few
+    /// or have no extent.
+    pub(super) fn around(receivers: &[Receiver], up: Vec3) -> Option<Self> {
+        let rotation = Quat::from_rotation_arc(Vec3::Z, up);
+        let to_local = Mat3::from_quat(rotation).transpose();
+        let (mut low, mut high) = (Vec3::ZERO, Vec3::ZERO);
+        let strays = (STRAYS * receivers.len() as f32) as usize;
+        for axis in 0..3 {
+            let mut along: Vec<f32> = (receivers.iter())
+                .map(|(_, surface)| (to_local * surface.position)[axis])
+                .collect();
+            along.sort_unstable_by(f32::total_cmp);
+            low[axis] = *along.get(strays)?;
+            high[axis] = along[along.len() - 1 - strays];
+        }
+        let margin = MARGIN * (high - low).max_element();
+        (low, high) = (low - margin, high + margin);
+        let size = (high - low).element_product().cbrt() / CELLS_ALONG;
+        if !(size > 0.0) {
+            return None;
+        }
+        let num = |axis: usize| {
+            let num = ((high[axis] - low[axis]) / size).round() as u32;
+            num.clamp(1, MAX_ALONG)
+        };
+        Some(Self {
+            rotation,
+            low,
+            high,
+            num: [0, 1, 2].map(num),
+        })
+    }
+
+    /// Number that no cell's number reaches.
+    pub(super) fn num_cells(&self) -> usize {
+        (NUM_FACES * MAX_ALONG * MAX_ALONG) as usize
+    }
+
+    /// The number of a cell.
+    pub(super) fn number(&self, cell: Cell) -> usize {
+        ((cell.face * MAX_ALONG + cell.at[0]) * MAX_ALONG + cell.at[1]) as usize
+    }
+
+    /// All cells.
+    pub(super) fn cells(&self) -> impl Iterator<Item = Cell> + '_ {
+        (0..NUM_FACES).flat_map(move |face| {
+            let [first, second] = axes(face).map(|axis| self.num[axis]);
+            (0..first).flat_map(move |i| (0..second).map(move |j| Cell { face, at: [i, j] }))
+        })
+    }
+
+    /// Lengths of a cell of a face.
+    pub(super) fn lengths(&self, face: u32) -> [f32; 2] {
+        axes(face).map(|axis| (self.high - self.low)[axis] / self.num[axis] as f32)
+    }
+
+    /// Middle of a cell, in world space.
+    pub(super) fn middle(&self, cell: Cell) -> Vec3 {
+        let axis = cell.face as usize / 2;
+        let mut middle = if cell.face % 2 == 0 {
+            self.low
+        } else {
+            self.high
+        };
+        let lengths = self.lengths(cell.face);
+        let local = axes(cell.face).into_iter().zip(lengths).zip(cell.at);
+        for ((along, length), at) in local {
+            debug_assert_ne!(along, axis);
+            middle[along] = self.low[along] + length * (at as f32 + 0.5);
+        }
+        self.rotation * middle
+    }
+
+    /// The cell at which a ray of the box's own space leaves it.
+    pub(super) fn left_at(&self, origin: Vec3, direction: Vec3) -> Cell {
+        let inside = origin.clamp(self.low, self.high);
+        let end = |axis: usize| {
+            let towards = direction[axis];
+            let side = if towards > 0.0 { self.high } else { self.low };
+            match towards == 0.0 {
+                true => f32::INFINITY,
+                false => (side[axis] - inside[axis]) / towards,
+            }
+        };
+        let ends = [0, 1, 2].map(end);
+        let axis = (0..3).fold(
+            0,
+            |best, axis| if ends[axis] < ends[best] { axis } else { best },
+        );
+        let face = 2 * axis as u32 + u32::from(direction[axis] > 0.0);
+        let place = inside + direction * ends[axis];
+        let at = axes(face).map(|along| {
+            let share = (place - self.low)[along] / (self.high - self.low)[along];
+            let number = (share * self.num[along] as f32).max(0.0) as u32;
+            number.min(self.num[along] - 1)
+        });
+        Cell { face, at }
+    }
+
+    /// For each receiver, the numbers of cells that it sees past all surfaces, with the shares of
+    /// its cosine-weighted directions, ascending; `[receivers]`. Shares are means over neighbours:
+    /// with the noise of single receivers, light would seem to depend less on them.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub(super) fn seen_by(
+        &self,
+        tracer: &dyn Tracer,
+        (receivers, smoothing): (&[Receiver], &Smoothing),
+        key: RandomKey,
+    ) -> Result<Vec<Row>> {
+        let mut rows = self.traced(tracer, receivers, key)?;
+        rows = (0..rows.len())
+            .into_par_iter()
+            .map(|i| {
+                let near = smoothing.neighbours(i).iter().map(|(j, _)| *j as usize);
+                mean(&rows, near.chain([i]))
+            })
+            .collect();
+        self.leave_out_unknown(&mut rows);
+        Ok(rows)
+    }
+
+    /// Those of single receivers.
+    fn traced(
+        &self,
+        tracer: &dyn Tracer,
+        receivers: &[Receiver],
+        key: RandomKey,
+    ) -> Result<Vec<Row>> {
+        let to_local = Mat3::from_quat(self.rotation).transpose();
+        let mut rows = Vec::with_capacity(receivers.len());
+        for some in receivers.chunks(RAYS_AT_ONCE / NUM_DIRECTIONS as usize) {
+            let rays: Vec<Ray> = (some.iter())
+                .flat_map(|(i, surface)| {
+                    let points = Points::new(key, *i);
+                    (0..NUM_DIRECTIONS).map(move |sample| {
+                        let [a, b, ..] = points.block(sample, 0);
+                        surface.ray(cosine_direction(surface.normal, a, b))
+                    })
+                })
+                .collect();
+            let met = tracer.trace_rays(&rays)?;
+            let num = NUM_DIRECTIONS as usize;
+            for (rays, met) in rays.chunks(num).zip(met.chunks(num)) {
+                let mut row = BTreeMap::new();
+                for (ray, met) in rays.iter().zip(met).filter(|(_, met)| met.alpha() < MET) {
+                    let [origin, direction] =
+                        [ray.origin, ray.direction].map(|v| to_local * Vec3::from_array(v));
+                    let number = self.number(self.left_at(origin, direction));
+                    *row.entry(number).or_insert(0.0) += f64::from(1.0 - met.alpha()) / num as f64;
+                }
+                rows.push(row.into_iter().collect());
+            }
+        }
+        Ok(rows)
+    }
+
+    /// Takes cells out of all rows of which too little is seen.
+    fn leave_out_unknown(&self, rows: &mut [Row]) {
+        let mut sums = vec![0.0; self.num_cells()];
+        for (cell, share) in rows.iter().flatten() {
+            sums[*cell] += share;
+        }
+        let least = LEAST_SEEN * rows.len() as f64;
+        for row in rows {
+            row.retain(|(cell, _)| sums[*cell] >= least);
+        }
+    }
+}
+
+/// The mean of some rows, at least one.
+fn mean(rows: &[Row], of: impl Iterator<Item = usize> + Clone) -> Row {
+    let num = of.clone().count() as f64;
+    let mut sums = BTreeMap::new();
+    for (cell, share) in of.flat_map(|i| &rows[i]) {
+        *sums.entry(*cell).or_insert(0.0) += share / num;
+    }
+    sums.into_iter().collect()
+}
+
+/// The two axes of a face.
+fn axes(face: u32) -> [usize; 2] {
+    let axis = face as usize / 2;
+    [(axis + 1) % 3, (axis + 2) % 3]
+}
