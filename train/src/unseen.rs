@@ -1,11 +1,13 @@
 //! Light from where no view looks.
 //!
-//! Captures leave parts of a room out, as the ceiling over the photographer. What shines there,
-//! downlights or the sky, lights what photographs show, and no ray finds it: albedos would pay for
-//! its light. It is told by surfaces of one material, whose albedo is the same wherever they are:
-//! rays from them that meet nothing say how much each sees of every part of the hull around the
-//! scene ([`hull`]), and the radiance of those parts is the least that explains why surfaces are
-//! brighter where they see more of them ([`fit`]). Parts that shine are put into the scene.
+//! Captures leave parts of a room out, as the ceiling over the photographer. No ray finds what
+//! shines there, downlights or the sky, and albedos would pay for it; and light that goes there
+//! never comes back. It is told by surfaces of one material, whose albedo is the same wherever they
+//! are: rays from them that meet nothing say how much each sees of every cell of the hull around
+//! the scene ([`hull`]), and the radiance of cells is that which explains why surfaces are brighter
+//! where they see more of them ([`fit`]), or what the mean albedo of the scene would reflect. Cells
+//! that are seen are put into the scene as surfaces that reflect, and those that are brighter shine
+//! as well ([`panels`]).
 
 mod fit;
 mod hull;
@@ -14,6 +16,7 @@ mod panels;
 pub(crate) use panels::{NAME, Panels};
 
 use crate::error::Result;
+use crate::irradiance;
 use crate::irradiance::smooth::Smoothing;
 use crate::segments::Segments;
 use eagpt_scene::Gaussians;
@@ -23,7 +26,9 @@ use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::Receiver;
 use fit::{Equations, Fit};
 use glam::Vec3;
-use hull::Hull;
+use hull::{FLOOR, Hull};
+use panels::UnseenCell;
+use std::collections::BTreeSet;
 
 /// Receivers that are compared, at most: differences between them are few.
 const MAX_RECEIVERS: usize = 16_384;
@@ -31,16 +36,17 @@ const MAX_RECEIVERS: usize = 16_384;
 const DARK: f32 = 0.02;
 /// Receivers of a surface of one material, at least.
 const LEAST_OF_SEGMENT: usize = 30;
-/// Part of all light, at least, that has to come from where no view looks, and part of the
-/// differences within materials that it has to explain. What unseen surfaces reflect comes to 2 %
-/// and 1 %, in eight rooms whose lamps views show; downlights that none shows to 4 % and 4 % and
-/// more, in three.
-const LEAST_SHARE: f64 = 0.03;
-const LEAST_EXPLAINED: f64 = 0.03;
+/// Part of the light, at least, that cells are expected to reflect for it to be worth while.
+const LEAST_REFLECTED: f64 = 0.01;
+/// Part of all light, at least, that cells bring beyond what they reflect, and part of the
+/// differences within materials that it explains, for them to shine.
+const LEAST_SHARE: f64 = 0.02;
+const LEAST_EXPLAINED: f64 = 0.02;
+/// Directions from which the light that a cell gets is gathered.
+const NUM_SAMPLES: u32 = 256;
 
-/// The light that comes from where no view looks, if it is worth it: from parts of the hull, and
-/// which share of the light it is. `received` is the light that Gaussians get of all that is known,
-/// and their surfaces.
+/// What cells reflect, if it is worth while, and what they send, and the share of all light that
+/// this is. `received` is the light that Gaussians get of all that is known, and their surfaces.
 ///
 /// # Errors
 /// If the device fails.
@@ -53,13 +59,11 @@ pub(crate) fn find(
 ) -> Result<Option<(Panels, f64)>> {
     let step = received.len().div_ceil(MAX_RECEIVERS).max(1);
     let radiance = |(i, _): &Receiver| gaussians.radiances[*i as usize];
-    let mean = |light: &dyn Fn(&(Receiver, Vec3)) -> Vec3| {
-        let all = received.iter().map(|of| luminance(light(of).to_array()));
-        all.sum::<f32>() / received.len().max(1) as f32
-    };
-    let (sent, got) = (mean(&|of| radiance(&of.0)), mean(&|of| of.1));
+    let sum = |light: &dyn Fn(&(Receiver, Vec3)) -> Vec3| received.iter().map(light).sum::<Vec3>();
+    let (sent, got) = (sum(&|of| radiance(&of.0)), sum(&|of| of.1));
+    let dark = |sum: Vec3| DARK * sum.max_element() / received.len() as f32;
     let is_lit = |of: &&(Receiver, Vec3)| {
-        radiance(&of.0).min_element() > DARK * sent && of.1.min_element() > DARK * got
+        radiance(&of.0).min_element() > dark(sent) && of.1.min_element() > dark(got)
     };
     let compared = received.iter().step_by(step).filter(is_lit).copied();
     let (receivers, known): (Vec<Receiver>, Vec<Vec3>) = compared.unzip();
@@ -69,34 +73,59 @@ pub(crate) fn find(
     };
     let smoothing = Smoothing::new(&receivers);
     let rows = hull.seen_by(tracer, (&receivers, &smoothing), key)?;
+    let albedos = hull.albedos(&receivers, &colors, &known);
+    let cells: BTreeSet<usize> = rows.iter().flatten().map(|(cell, _)| *cell).collect();
+    let surfaces: Vec<Receiver> = cells
+        .iter()
+        .zip(0..)
+        .map(|(c, i)| (i, hull.surface(*c)))
+        .collect();
+    let light = irradiance::received(tracer, &surfaces, &gaussians.radiances, (NUM_SAMPLES, key))?;
+    let mut reflected = vec![Vec3::ZERO; hull.num_cells()];
+    for (cell, light) in cells.iter().zip(&light) {
+        reflected[*cell] = albedos[hull.cell(*cell).face as usize] * *light;
+    }
+    let may_shine: Vec<bool> = (0..hull.num_cells())
+        .map(|number| hull.cell(number).face != FLOOR)
+        .collect();
     let segments = Segments::of_colors(&colors, &smoothing);
     let channels = [0, 1, 2].map(|c| {
+        let channel = |of: &[Vec3]| of.iter().map(|v| f64::from(v[c])).collect::<Vec<_>>();
         let equations = Equations {
             rows: &rows,
-            radiances: &colors
-                .iter()
-                .map(|color| f64::from(color[c]))
-                .collect::<Vec<_>>(),
-            known: &known
-                .iter()
-                .map(|light| f64::from(light[c]))
-                .collect::<Vec<_>>(),
+            radiances: &channel(&colors),
+            known: &channel(&known),
+            expected: &channel(&reflected),
+            may_shine: &may_shine,
             segments: &segments.of,
             least: LEAST_OF_SEGMENT,
         };
-        equations.fit(hull.num_cells())
+        equations.fit()
     });
     let weigh = |of: &dyn Fn(&Fit) -> f64| {
         let [r, g, b] = channels.each_ref().map(|fit| of(fit) as f32);
         f64::from(luminance([r, g, b]))
     };
     let (share, explained) = (weigh(&|fit| fit.share), weigh(&|fit| fit.explained));
-    if share < LEAST_SHARE || explained < LEAST_EXPLAINED {
+    let shines = share >= LEAST_SHARE && explained >= LEAST_EXPLAINED;
+    if !shines && weigh(&|fit| fit.expected) < LEAST_REFLECTED {
         return Ok(None);
     }
-    let light = |cell: usize| Vec3::from_array(channels.each_ref().map(|fit| fit.x[cell] as f32));
-    let radiances: Vec<Vec3> = (0..hull.num_cells()).map(light).collect();
-    Ok(Some((Panels::new(&hull, &radiances), share)))
+    let found = cells.iter().zip(&light).map(|(&number, light)| {
+        let x = Vec3::from_array(channels.each_ref().map(|fit| fit.x[number] as f32));
+        let sent = x.min(reflected[number]);
+        UnseenCell {
+            number,
+            albedo: sent / light.max(Vec3::splat(f32::MIN_POSITIVE)),
+            reflected: sent,
+            emitted: match shines {
+                true => x - sent,
+                false => Vec3::ZERO,
+            },
+        }
+    });
+    let panels = Panels::new(&hull, found);
+    Ok(Some((panels, if shines { share } else { 0.0 })))
 }
 
 #[cfg(test)]

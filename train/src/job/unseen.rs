@@ -3,6 +3,7 @@
 use super::lamps::without;
 use super::run::Run;
 use crate::backend::Backend;
+use crate::bake::emits;
 use crate::error::Result;
 use crate::progress::TrainProgress;
 use crate::unseen::{self, NAME, Panels};
@@ -58,7 +59,8 @@ impl Run<'_> {
         let radiances = found.iter().enumerate().map(|(light, panels)| {
             let mut radiances = vec![None; total];
             if let Some(panels) = panels {
-                let own = panels.discs.radiances.iter().copied().map(Some);
+                let own = panels.discs.iter();
+                let own = own.map(|disc| emits(disc.emission).then_some(disc.radiance));
                 radiances.splice(before(light)..before(light) + num(&found[light]), own);
             }
             radiances

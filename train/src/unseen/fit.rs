@@ -3,9 +3,10 @@
 //! A receiver of radiance r, known irradiance over π e and shares mᶜ of its directions in which it
 //! sees cells c has the albedo r / (e + Σ mᶜ xᶜ). Its logarithm should be the same for all receivers
 //! of a surface of one material: x, not negative, is the minimum of a robust sum of squares of
-//! differences from each surface's own mean, and of a weight on all light that x brings, without
-//! which light that is the same everywhere would be free. Gauss–Newton steps; in each the bounds are
-//! kept by coordinate descent (Franc, Hlaváč and Navara 2005).
+//! differences from each surface's own mean, and of a weight on the light by which x differs from
+//! what cells are expected to reflect: light that is the same everywhere makes no difference.
+//! Gauss–Newton steps; in each the bounds are kept by coordinate descent (Franc, Hlaváč and Navara
+//! 2005).
 
 use super::hull::Row;
 use nalgebra::{DMatrix, DVector};
@@ -13,9 +14,9 @@ use std::collections::BTreeMap;
 
 /// Difference of logarithms of albedo from which on differences count linearly: noise is below.
 const SCALE: f64 = 0.15;
-/// Weight of the light of cells, in parts of the median of what is known. A third and three times
-/// of it change the light found by a tenth.
-const PRIOR: f64 = 1e-3;
+/// Weight of light that is not expected, in parts of the median of what is known. A third and three
+/// times of it change the light found by a tenth.
+const PRIOR: f64 = 3e-3;
 /// Gauss–Newton steps, at most, the least part of the loss that one gains, and halvings of one.
 const STEPS: u32 = 30;
 const LEAST_GAIN: f64 = 1e-4;
@@ -35,6 +36,10 @@ pub(super) struct Equations<'a> {
     pub(super) radiances: &'a [f64],
     /// Irradiance over π of all that is known, positive.
     pub(super) known: &'a [f64],
+    /// Radiance that each cell is expected to have.
+    pub(super) expected: &'a [f64],
+    /// Whether each cell may have more.
+    pub(super) may_shine: &'a [bool],
     /// Number of the surface of one material that each is of.
     pub(super) segments: &'a [u32],
     /// Receivers of a surface that counts, at least.
@@ -45,9 +50,11 @@ pub(super) struct Equations<'a> {
 pub(super) struct Fit {
     /// Radiance of each cell.
     pub(super) x: Vec<f64>,
-    /// Share of all light of the receivers that comes from cells.
+    /// Share of all light of the receivers that cells bring beyond what is expected.
     pub(super) share: f64,
-    /// Part of the loss without it that it takes away.
+    /// Share that the expected light is.
+    pub(super) expected: f64,
+    /// Part of the loss of the expected that it takes away.
     pub(super) explained: f64,
 }
 
@@ -56,6 +63,8 @@ struct Problem {
     rows: Vec<Row>,
     radiances: Vec<f64>,
     known: Vec<f64>,
+    expected: DVector<f64>,
+    may_shine: Vec<bool>,
     /// Receivers of each surface.
     members: Vec<Vec<usize>>,
     /// Derivative of the weight on light.
@@ -65,20 +74,23 @@ struct Problem {
 }
 
 impl Equations<'_> {
-    /// The least light of `num_cells` cells that explains the differences.
-    pub(super) fn fit(&self, num_cells: usize) -> Fit {
+    /// The light of cells that explains the differences and is nearest to the expected.
+    pub(super) fn fit(&self) -> Fit {
         let (problem, cells) = self.problem();
-        let (x, before, after) = problem.solve(cells.len());
-        let mut all = vec![0.0; num_cells];
+        let (x, before, after) = problem.solve();
+        let mut all = self.expected.to_vec();
         for (cell, x) in cells.iter().zip(x.iter()) {
             all[*cell] = *x;
         }
-        let light: f64 = (0..problem.rows.len()).map(|i| problem.unseen(i, &x)).sum();
+        let beyond = (&x - &problem.expected).map(|more| more.max(0.0));
+        let receivers = 0..problem.rows.len();
+        let light = |x: &DVector<f64>| receivers.clone().map(|i| problem.unseen(i, x)).sum::<f64>();
         let known: f64 = problem.known.iter().sum();
         let of = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
         Fit {
+            share: of(light(&beyond), light(&x) + known),
+            expected: of(light(&problem.expected), light(&problem.expected) + known),
             x: all,
-            share: of(light, light + known),
             explained: of(before - after, before),
         }
     }
@@ -118,6 +130,11 @@ impl Equations<'_> {
         let problem = Problem {
             members: in_order.collect(),
             radiances: kept.iter().map(|&i| self.radiances[i]).collect(),
+            expected: DVector::from_iterator(
+                numbers.len(),
+                numbers.keys().map(|cell| self.expected[*cell]),
+            ),
+            may_shine: numbers.keys().map(|cell| self.may_shine[*cell]).collect(),
             rows,
             known,
             prior,
@@ -138,7 +155,13 @@ impl Problem {
     /// and the loss.
     fn residuals(&self, x: &DVector<f64>) -> (Vec<(f64, f64)>, f64) {
         let mut all = vec![(0.0, 0.0); self.rows.len()];
-        let mut loss: f64 = self.prior.iter().zip(x.iter()).map(|(a, x)| a * x).sum();
+        let off = (x - &self.expected).abs();
+        let mut loss: f64 = self
+            .prior
+            .iter()
+            .zip(off.iter())
+            .map(|(a, off)| a * off)
+            .sum();
         for members in &self.members {
             let log = |&i: &usize| (self.radiances[i] / (self.known[i] + self.unseen(i, x))).ln();
             let logs: Vec<f64> = members.iter().map(log).collect();
@@ -160,9 +183,9 @@ impl Problem {
         (all, loss)
     }
 
-    /// The light of `num` cells, and the loss without and with it.
-    fn solve(&self, num: usize) -> (DVector<f64>, f64, f64) {
-        let mut x = DVector::zeros(num);
+    /// The light of cells, and the loss of the expected light and of this.
+    fn solve(&self) -> (DVector<f64>, f64, f64) {
+        let mut x = self.expected.clone();
         let (mut residuals, before) = self.residuals(&x);
         let mut loss = before;
         for _ in 0..STEPS {
@@ -191,8 +214,8 @@ impl Problem {
         (x, before, loss)
     }
 
-    /// Second derivatives of the loss and its negative slope at `x`, of which each surface's mean is
-    /// eliminated.
+    /// Second derivatives of the sum of squares and its negative slope at `x`, of which each surface's
+    /// mean is eliminated.
     fn normal_equations(
         &self,
         x: &DVector<f64>,
@@ -200,7 +223,7 @@ impl Problem {
     ) -> (DMatrix<f64>, DVector<f64>) {
         let num = x.len();
         let mut squares = DMatrix::zeros(num, num);
-        let mut slope = DVector::from_iterator(num, self.prior.iter().map(|prior| -prior));
+        let mut slope = DVector::<f64>::zeros(num);
         for members in &self.members {
             let mut sum = DVector::<f64>::zeros(num);
             let mut total = 0.0;
@@ -222,7 +245,7 @@ impl Problem {
         (squares, slope)
     }
 
-    /// The minimum, without negative numbers, of the quadratic that has this slope at `x`.
+    /// The minimum, without negative numbers, of the loss whose sum of squares has this slope at `x`.
     fn descended(
         &self,
         squares: &DMatrix<f64>,
@@ -237,7 +260,14 @@ impl Problem {
                 if curvature <= 0.0 {
                     continue;
                 }
-                let moved = (goal[cell] + slope[cell] / curvature).max(0.0);
+                let free = goal[cell] + slope[cell] / curvature;
+                let (expected, pull) = (self.expected[cell], self.prior[cell] / curvature);
+                // The weight pulls to the expected, and no farther.
+                let moved = match free > expected {
+                    true if self.may_shine[cell] => (free - pull).max(expected),
+                    true => expected,
+                    false => (free + pull).min(expected).max(0.0),
+                };
                 let change = moved - goal[cell];
                 if change != 0.0 {
                     slope.axpy(-change, &squares.column(cell), 1.0);
@@ -260,7 +290,7 @@ mod tests {
 
     /// Receivers of four surfaces that see three cells of radiance `x`, with known light and
     /// logarithms of albedo that are off by random numbers of up to `noise`.
-    fn fitted(x: [f64; 3], noise: f64) -> Fit {
+    fn fitted(x: [f64; 3], noise: f64, expected: [f64; 10]) -> Fit {
         let key = RandomKey::new(3, Purpose::Initialise, 0);
         let (mut rows, mut radiances, mut known) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..2000_u32 {
@@ -280,16 +310,18 @@ mod tests {
             rows: &rows,
             radiances: &radiances,
             known: &known,
+            expected: &expected,
+            may_shine: &[true; 10],
             segments: &segments,
             least: 30,
         };
-        equations.fit(10)
+        equations.fit()
     }
 
     #[test]
     fn albedos_alike_tell_the_light_of_cells() {
         for (x, noise) in [([2.0, 5.0, 0.0], 0.0), ([2.0, 5.0, 1.0], 0.2)] {
-            let found = fitted(x, noise);
+            let found = fitted(x, noise, [0.0; 10]);
             // The weight on light takes some away.
             for (cell, x) in [4, 7, 2].into_iter().zip(x) {
                 assert!(
@@ -307,14 +339,37 @@ mod tests {
 
     #[test]
     fn where_there_is_no_light_none_is_found() {
-        let found = fitted([0.0; 3], 0.2);
+        let found = fitted([0.0; 3], 0.2, [0.0; 10]);
         assert!(
             found.share < 0.01 && found.explained < 0.01,
             "{} {}",
             found.share,
             found.explained
         );
-        assert_eq!(fitted([0.0; 3], 0.0).x, [0.0; 10]);
+        assert_eq!(fitted([0.0; 3], 0.0, [0.0; 10]).x, [0.0; 10]);
+    }
+
+    /// Little light more than is expected, as any noise, is none; darkness where light is expected is
+    /// seen, too.
+    #[test]
+    fn what_is_expected_stays_unless_albedos_say_otherwise() {
+        let of = |x: [f64; 3]| [0.0, 0.0, x[2], 0.0, x[0], 0.7, 0.0, x[1], 0.0, 0.0];
+        let x = [2.0, 5.0, 1.0];
+        let found = fitted(x, 0.2, of(x));
+        assert!(
+            found.share < 0.01 && found.explained < 0.01,
+            "{} {}",
+            found.share,
+            found.explained
+        );
+        // What is not seen.
+        assert_eq!(found.x[5], 0.7);
+        let found = fitted([0.0, 5.0, 1.0], 0.0, of(x));
+        assert!(
+            found.x[4] < 0.05 && (found.x[7] - 5.0).abs() < 0.3,
+            "{:?}",
+            found.x
+        );
     }
 
     #[test]
@@ -323,13 +378,15 @@ mod tests {
             rows: &[vec![(0, 0.5)]],
             radiances: &[1.0],
             known: &[1.0],
+            expected: &[0.5],
+            may_shine: &[true],
             segments: &[0],
             least: 2,
         };
-        let found = equations.fit(1);
+        let found = equations.fit();
         assert_eq!(
             (found.share, found.explained, found.x),
-            (0.0, 0.0, vec![0.0])
+            (0.0, 0.0, vec![0.5])
         );
     }
 }

@@ -6,10 +6,12 @@ use eagpt_scene::rng::RandomKey;
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::points::Points;
 use eagpt_trace::transport::sampling::cosine_direction;
+use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Ray, Tracer};
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::f32::consts::PI;
 
 /// Directions from each receiver.
 const NUM_DIRECTIONS: u32 = 64;
@@ -27,6 +29,13 @@ const MAX_ALONG: u32 = 24;
 /// Mean share of their cosine-weighted directions in which receivers see a cell, at least, for
 /// anything to be known of it.
 const LEAST_SEEN: f64 = 3e-4;
+/// What is this near to a face, in parts of the box's length there, and faces as it does (cosine),
+/// is part of it; share of receivers that tell its albedo, at least.
+const NEAR_FACE: f32 = 0.1;
+const FACING: f32 = 0.9;
+const LEAST_OF_FACE: f32 = 0.005;
+/// Albedo of a channel that cells have, at most.
+const MAX_ALBEDO: f32 = 0.9;
 /// Rays that are traced together.
 const RAYS_AT_ONCE: usize = 1 << 18;
 
@@ -35,6 +44,8 @@ pub(super) type Row = Vec<(usize, f64)>;
 
 /// Two sides of each of three axes.
 pub(super) const NUM_FACES: u32 = 6;
+/// The face below, where no lamps are.
+pub(super) const FLOOR: u32 = 4;
 
 /// The box, whose third axis is upright, and its cells, which are counted face by face.
 pub(super) struct Hull {
@@ -99,11 +110,67 @@ impl Hull {
         ((cell.face * MAX_ALONG + cell.at[0]) * MAX_ALONG + cell.at[1]) as usize
     }
 
-    /// All cells.
-    pub(super) fn cells(&self) -> impl Iterator<Item = Cell> + '_ {
-        (0..NUM_FACES).flat_map(move |face| {
-            let [first, second] = axes(face).map(|axis| self.num[axis]);
-            (0..first).flat_map(move |i| (0..second).map(move |j| Cell { face, at: [i, j] }))
+    /// The cell of a number.
+    pub(super) fn cell(&self, number: usize) -> Cell {
+        let (rest, second) = (number as u32 / MAX_ALONG, number as u32 % MAX_ALONG);
+        Cell {
+            face: rest / MAX_ALONG,
+            at: [rest % MAX_ALONG, second],
+        }
+    }
+
+    /// World from the own axes of cells of a face, the third of which points into the box.
+    pub(super) fn rotation_of(&self, face: u32) -> Quat {
+        let turned = match face / 2 {
+            0 => Quat::from_mat3(&Mat3::from_cols(Vec3::Y, Vec3::Z, Vec3::X)),
+            1 => Quat::from_mat3(&Mat3::from_cols(Vec3::Z, Vec3::X, Vec3::Y)),
+            _ => Quat::IDENTITY,
+        };
+        let inwards = match face % 2 {
+            0 => Quat::IDENTITY,
+            _ => Quat::from_rotation_x(PI),
+        };
+        self.rotation * turned * inwards
+    }
+
+    /// The inner side of a cell.
+    pub(super) fn surface(&self, number: usize) -> Surface {
+        let cell = self.cell(number);
+        Surface {
+            position: self.middle(cell),
+            normal: self.rotation_of(cell.face) * Vec3::Z,
+            offset: 0.0,
+        }
+    }
+
+    /// Albedo that cells of each face are expected to have: that of the surface that is seen of it,
+    /// or, if that is too little, of all. `radiances` are those of receivers, and `known` the light
+    /// that they get, both `[receivers]`.
+    pub(super) fn albedos(
+        &self,
+        receivers: &[Receiver],
+        radiances: &[Vec3],
+        known: &[Vec3],
+    ) -> [Vec3; NUM_FACES as usize] {
+        let all: Vec<usize> = (0..receivers.len()).collect();
+        let albedo = |of: &[usize]| {
+            let sum = |light: &[Vec3]| of.iter().map(|&i| light[i]).sum::<Vec3>();
+            (sum(radiances) / sum(known)).min(Vec3::splat(MAX_ALBEDO))
+        };
+        let least = (LEAST_OF_FACE * receivers.len() as f32) as usize;
+        std::array::from_fn(|face| {
+            let axis = face / 2;
+            let inwards = self.rotation_of(face as u32) * Vec3::Z;
+            let side = if face % 2 == 0 { self.low } else { self.high };
+            let end = self.rotation * Vec3::AXES[axis] * side[axis];
+            let near = NEAR_FACE * (self.high - self.low)[axis];
+            let is_of = |&&i: &&usize| {
+                let (_, surface) = &receivers[i];
+                let faces = surface.normal.dot(inwards) > FACING;
+                faces && (surface.position - end).dot(inwards).abs() < near
+            };
+            let own: Vec<usize> = all.iter().filter(is_of).copied().collect();
+            albedo(if own.len() > least { &own } else { &all })
         })
     }
 

@@ -1,98 +1,135 @@
-//! Parts of the hull that shine, as Gaussians and as lamps.
+//! Cells of the hull as Gaussians, and those that shine as lamps.
 
 use super::hull::{Cell, Hull};
 use eagpt_scene::lamps::Lamp;
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, LampShape};
-use glam::{Quat, Vec2, Vec3};
-use std::collections::BTreeSet;
-use std::f32::consts::PI;
+use glam::{Vec2, Vec3};
+use std::collections::BTreeMap;
+use std::f32::consts::{PI, TAU};
 
 /// What names of such lamps begin with.
 pub(crate) const NAME: &str = "unseen-";
 
-/// Standard deviation of the disc of a cell, in its lengths: with it discs of neighbours cover all
-/// between them.
+/// Standard deviation of the disc of a cell that reflects, in its lengths: with it discs of
+/// neighbours cover all between them.
 const SPREAD: f32 = 0.5;
+/// Discs before it that shine, along each edge of a cell, their standard deviation in parts of what
+/// each is the middle of, and their distance from the other in lengths.
+const ALONG: u32 = 4;
+const SPREAD_OF_LIGHT: f32 = 0.2;
+const BEFORE: f32 = 0.01;
 const OPACITY: f32 = 0.99;
+/// Part of a cell that these cover.
+const COVERED: f32 = TAU * SPREAD_OF_LIGHT * SPREAD_OF_LIGHT * OPACITY;
 
-/// Flat lamps on the hull, each of cells that are neighbours on a face.
+/// What is known of a cell.
+pub(super) struct UnseenCell {
+    pub(super) number: usize,
+    pub(super) albedo: Vec3,
+    /// Radiance that it reflects …
+    pub(super) reflected: Vec3,
+    /// … and mean radiance that it sends of its own, zero where it does not shine.
+    pub(super) emitted: Vec3,
+}
+
+/// The cells in the scene.
 pub(crate) struct Panels {
-    /// Disc of each cell that shines, lamp by lamp.
+    /// Discs that reflect, and then those that shine.
     pub(crate) discs: Gaussians,
-    /// The lamps, which have no names yet.
+    /// The lamps, each of cells that shine and are neighbours on a face, which have no names yet.
     pub(crate) lamps: Vec<Lamp>,
 }
 
 impl Panels {
-    /// Those of cells with these radiances, by their numbers.
-    pub(super) fn new(hull: &Hull, radiances: &[Vec3]) -> Self {
-        let light = |cell: &Cell| radiances[hull.number(*cell)];
-        let mut shining: BTreeSet<Cell> = hull.cells().filter(|c| light(c) != Vec3::ZERO).collect();
-        let (mut discs, mut lamps) = (Vec::new(), Vec::new());
-        while let Some(first) = shining.pop_first() {
-            let mut cells = vec![first];
-            let mut next = 0;
-            while let Some(&Cell { face, at: [i, j] }) = cells.get(next) {
-                for at in [
-                    [i + 1, j],
-                    [i, j + 1],
-                    [i.wrapping_sub(1), j],
-                    [i, j.wrapping_sub(1)],
-                ] {
-                    cells.extend(shining.take(&Cell { face, at }));
-                }
-                next += 1;
+    pub(super) fn new(hull: &Hull, cells: impl Iterator<Item = UnseenCell>) -> Self {
+        let (mut discs, mut shining) = (Vec::new(), BTreeMap::new());
+        for unseen in cells {
+            let cell = hull.cell(unseen.number);
+            discs.push(Gaussian {
+                radiance: unseen.reflected,
+                albedo: unseen.albedo,
+                ..disc(hull, cell, SPREAD)
+            });
+            if unseen.emitted != Vec3::ZERO {
+                shining.insert(cell, unseen.emitted);
             }
-            let own: Vec<Gaussian> = cells.iter().map(|c| disc(hull, *c, light(c))).collect();
-            lamps.push(lamp(hull, &cells, &own));
-            discs.extend(own);
         }
+        let lights = shining.iter();
+        discs.extend(lights.flat_map(|(cell, emitted)| lights_of(hull, *cell, *emitted)));
         Self {
             discs: discs.into_iter().collect(),
-            lamps,
+            lamps: lamps(hull, shining),
         }
     }
 }
 
-/// World from a cell's own axes, the third of which points into the box.
-fn rotation(hull: &Hull, face: u32) -> Quat {
-    let turned = match face / 2 {
-        0 => Quat::from_mat3(&glam::Mat3::from_cols(Vec3::Y, Vec3::Z, Vec3::X)),
-        1 => Quat::from_mat3(&glam::Mat3::from_cols(Vec3::Z, Vec3::X, Vec3::Y)),
-        _ => Quat::IDENTITY,
-    };
-    let inwards = match face % 2 {
-        0 => Quat::IDENTITY,
-        _ => Quat::from_rotation_x(PI),
-    };
-    hull.rotation * turned * inwards
-}
-
-fn disc(hull: &Hull, cell: Cell, radiance: Vec3) -> Gaussian {
+fn disc(hull: &Hull, cell: Cell, spread: f32) -> Gaussian {
     Gaussian {
         position: hull.middle(cell),
-        scale: SPREAD * Vec2::from_array(hull.lengths(cell.face)),
-        rotation: rotation(hull, cell.face),
+        scale: spread * Vec2::from_array(hull.lengths(cell.face)),
+        rotation: hull.rotation_of(cell.face),
         opacity: OPACITY,
-        radiance,
+        radiance: Vec3::ZERO,
         harmonics: Harmonics::NONE,
         gloss: Gloss::NONE,
-        emission: 1.0,
+        emission: 0.0,
         albedo: Vec3::ZERO,
     }
 }
 
-fn lamp(hull: &Hull, cells: &[Cell], discs: &[Gaussian]) -> Lamp {
-    let lengths = Vec2::from_array(hull.lengths(cells[0].face));
-    let rotation = discs[0].rotation;
-    let local = |disc: &Gaussian| rotation.conjugate() * disc.position;
-    let (low, high) = discs.iter().map(local).fold(
-        (Vec3::INFINITY, Vec3::NEG_INFINITY),
-        |(low, high), place| (low.min(place), high.max(place)),
-    );
-    let sum: Vec3 = discs.iter().map(|disc| disc.radiance).sum();
-    let radiance = sum / discs.len() as f32;
+/// Discs that send this mean radiance from a cell, in rows: of a cell that is hidden in part, that
+/// part of them is.
+fn lights_of(hull: &Hull, cell: Cell, emitted: Vec3) -> Vec<Gaussian> {
+    let whole = disc(hull, cell, SPREAD_OF_LIGHT);
+    let lengths = Vec2::from_array(hull.lengths(cell.face));
+    let place = |k: u32| (2 * k + 1) as f32 / (2 * ALONG) as f32 - 0.5;
+    let light = |k: u32| {
+        let along = lengths * Vec2::new(place(k % ALONG), place(k / ALONG));
+        Gaussian {
+            position: whole.position
+                + whole.rotation * along.extend(BEFORE * lengths.min_element()),
+            scale: whole.scale / ALONG as f32,
+            radiance: emitted / COVERED,
+            emission: 1.0,
+            ..whole
+        }
+    };
+    (0..ALONG * ALONG).map(light).collect()
+}
+
+/// One for each set of cells that are neighbours, of cells with the mean radiance of each.
+fn lamps(hull: &Hull, mut shining: BTreeMap<Cell, Vec3>) -> Vec<Lamp> {
+    let mut lamps = Vec::new();
+    while let Some(first) = shining.pop_first() {
+        let mut own = vec![first];
+        let mut next = 0;
+        while let Some((Cell { face, at: [i, j] }, _)) = own.get(next).copied() {
+            for at in [
+                [i + 1, j],
+                [i, j + 1],
+                [i.wrapping_sub(1), j],
+                [i, j.wrapping_sub(1)],
+            ] {
+                own.extend(shining.remove_entry(&Cell { face, at }));
+            }
+            next += 1;
+        }
+        lamps.push(lamp(hull, &own));
+    }
+    lamps
+}
+
+fn lamp(hull: &Hull, cells: &[(Cell, Vec3)]) -> Lamp {
+    let face = cells[0].0.face;
+    let (rotation, lengths) = (hull.rotation_of(face), Vec2::from_array(hull.lengths(face)));
+    let places = cells
+        .iter()
+        .map(|(cell, _)| rotation.conjugate() * hull.middle(*cell));
+    let ends = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    let [low, high] = places.fold(ends, |[low, high], p| [low.min(p), high.max(p)]);
     let area = lengths.element_product() * cells.len() as f32;
+    let sum: Vec3 = cells.iter().map(|(_, radiance)| *radiance).sum();
+    let radiance = sum / cells.len() as f32;
     Lamp {
         name: String::new(),
         shape: LampShape::Panel,
@@ -104,7 +141,7 @@ fn lamp(hull: &Hull, cells: &[Cell], discs: &[Gaussian]) -> Lamp {
         area,
         radiance: radiance.to_array(),
         power: (PI * area * radiance).to_array(),
-        num_gaussians: discs.len(),
+        num_gaussians: cells.len() * (ALONG * ALONG) as usize,
         views: Vec::new(),
         num_pixels: 0,
         deviation: 0.0,
