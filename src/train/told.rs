@@ -70,8 +70,8 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
              masks of lamps are not, and reflect"
         )),
         TrainProgress::Unseen { share } => reporter.note(&format!(
-            "surfaces close the room where no view looks; {:.0} % of the light comes from there, beyond \
-             what they reflect: see \"unseen-*\" in the list of lamps",
+            "{:.0} % of the light comes from where no view looks: surfaces close the room there, and \
+             shine: see \"unseen-*\" in the list of lamps",
             100.0 * share
         )),
         TrainProgress::Glows { num } => reporter.note(&format!(

@@ -94,7 +94,7 @@ pub enum TrainProgress {
         /// Gaussians that do not any more.
         num_lit: usize,
     },
-    /// Light comes from where no view looks, and emitters are there now.
+    /// Light comes from where no view looks, and surfaces that shine are there now.
     Unseen {
         /// Share of all light, 0 to 1.
         share: f64,

@@ -19,9 +19,9 @@ use crate::error::Result;
 use crate::irradiance;
 use crate::irradiance::smooth::Smoothing;
 use crate::segments::Segments;
-use eagpt_scene::Gaussians;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::Receiver;
 use fit::{Equations, Fit};
@@ -36,17 +36,18 @@ const MAX_RECEIVERS: usize = 16_384;
 const DARK: f32 = 0.02;
 /// Receivers of a surface of one material, at least.
 const LEAST_OF_SEGMENT: usize = 30;
-/// Part of the light, at least, that cells are expected to reflect for it to be worth while.
-const LEAST_REFLECTED: f64 = 0.01;
 /// Part of all light, at least, that cells bring beyond what they reflect, and part of the
 /// differences within materials that it explains, for them to shine.
 const LEAST_SHARE: f64 = 0.02;
 const LEAST_EXPLAINED: f64 = 0.02;
+/// Mean share of their cosine-weighted directions in which receivers see a cell, at least, for it
+/// to shine: the light of what few see can be anything.
+const SEEN_TO_SHINE: f64 = 1e-3;
 /// Directions from which the light that a cell gets is gathered.
 const NUM_SAMPLES: u32 = 256;
 
-/// What cells reflect, if it is worth while, and what they send, and the share of all light that
-/// this is. `received` is the light that Gaussians get of all that is known, and their surfaces.
+/// What cells reflect and send, and the share of all light that they send, if it is worth while.
+/// `received` is the light that Gaussians get of all that is known, and their surfaces.
 ///
 /// # Errors
 /// If the device fails.
@@ -54,7 +55,7 @@ pub(crate) fn find(
     tracer: &dyn Tracer,
     gaussians: &Gaussians,
     received: &[(Receiver, Vec3)],
-    up: Vec3,
+    (cameras, up): (&[Camera], Vec3),
     key: RandomKey,
 ) -> Result<Option<(Panels, f64)>> {
     let step = received.len().div_ceil(MAX_RECEIVERS).max(1);
@@ -68,11 +69,11 @@ pub(crate) fn find(
     let compared = received.iter().step_by(step).filter(is_lit).copied();
     let (receivers, known): (Vec<Receiver>, Vec<Vec3>) = compared.unzip();
     let colors: Vec<Vec3> = receivers.iter().map(radiance).collect();
-    let Some(hull) = Hull::around(&receivers, up) else {
+    let Some(hull) = Hull::around(received.iter().map(|(receiver, _)| receiver), up) else {
         return Ok(None);
     };
     let smoothing = Smoothing::new(&receivers);
-    let rows = hull.seen_by(tracer, (&receivers, &smoothing), key)?;
+    let rows = hull.seen_by(tracer, (&receivers, &smoothing), cameras, key)?;
     let albedos = hull.albedos(&receivers, &colors, &known);
     let cells: BTreeSet<usize> = rows.iter().flatten().map(|(cell, _)| *cell).collect();
     let surfaces: Vec<Receiver> = cells
@@ -85,8 +86,12 @@ pub(crate) fn find(
     for (cell, light) in cells.iter().zip(&light) {
         reflected[*cell] = albedos[hull.cell(*cell).face as usize] * *light;
     }
-    let may_shine: Vec<bool> = (0..hull.num_cells())
-        .map(|number| hull.cell(number).face != FLOOR)
+    let mut seen = vec![0.0; hull.num_cells()];
+    for (cell, share) in rows.iter().flatten() {
+        seen[*cell] += share / rows.len() as f64;
+    }
+    let may_shine: Vec<bool> = (seen.iter().enumerate())
+        .map(|(number, seen)| hull.cell(number).face != FLOOR && *seen >= SEEN_TO_SHINE)
         .collect();
     let segments = Segments::of_colors(&colors, &smoothing);
     let channels = [0, 1, 2].map(|c| {
@@ -107,8 +112,7 @@ pub(crate) fn find(
         f64::from(luminance([r, g, b]))
     };
     let (share, explained) = (weigh(&|fit| fit.share), weigh(&|fit| fit.explained));
-    let shines = share >= LEAST_SHARE && explained >= LEAST_EXPLAINED;
-    if !shines && weigh(&|fit| fit.expected) < LEAST_REFLECTED {
+    if share < LEAST_SHARE || explained < LEAST_EXPLAINED {
         return Ok(None);
     }
     let found = cells.iter().zip(&light).map(|(&number, light)| {
@@ -118,14 +122,10 @@ pub(crate) fn find(
             number,
             albedo: sent / light.max(Vec3::splat(f32::MIN_POSITIVE)),
             reflected: sent,
-            emitted: match shines {
-                true => x - sent,
-                false => Vec3::ZERO,
-            },
+            emitted: x - sent,
         }
     });
-    let panels = Panels::new(&hull, found);
-    Ok(Some((panels, if shines { share } else { 0.0 })))
+    Ok(Some((Panels::new(&hull, found), share)))
 }
 
 #[cfg(test)]

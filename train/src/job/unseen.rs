@@ -39,7 +39,13 @@ impl Run<'_> {
         for light in lights {
             let (scene, received) = (&scenes[light], backend.gathered(light));
             let tracer = self.request.device.scene(scene)?;
-            let panels = unseen::find(&*tracer, scene, &received, views.up(), key)?;
+            let panels = unseen::find(
+                &*tracer,
+                scene,
+                &received,
+                (&views.cameras(), views.up()),
+                key,
+            )?;
             found.push(panels.map(|(mut panels, share)| {
                 for lamp in &mut panels.lamps {
                     num_lamps += 1;

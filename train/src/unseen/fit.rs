@@ -52,8 +52,6 @@ pub(super) struct Fit {
     pub(super) x: Vec<f64>,
     /// Share of all light of the receivers that cells bring beyond what is expected.
     pub(super) share: f64,
-    /// Share that the expected light is.
-    pub(super) expected: f64,
     /// Part of the loss of the expected that it takes away.
     pub(super) explained: f64,
 }
@@ -89,7 +87,6 @@ impl Equations<'_> {
         let of = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
         Fit {
             share: of(light(&beyond), light(&x) + known),
-            expected: of(light(&problem.expected), light(&problem.expected) + known),
             x: all,
             explained: of(before - after, before),
         }
@@ -325,14 +322,14 @@ mod tests {
             // The weight on light takes some away.
             for (cell, x) in [4, 7, 2].into_iter().zip(x) {
                 assert!(
-                    (found.x[cell] - x).abs() < 0.05 + 0.05 * x + noise,
+                    (found.x[cell] - x).abs() < 0.05 + 0.1 * x + noise,
                     "{x} {}",
                     found.x[cell]
                 );
             }
             let none = [0, 1, 3, 5, 6, 8, 9];
             assert!(none.iter().all(|&cell| found.x[cell] == 0.0));
-            let explained = if noise == 0.0 { 0.9 } else { 0.3 };
+            let explained = if noise == 0.0 { 0.8 } else { 0.3 };
             assert!(found.explained > explained, "{}", found.explained);
         }
     }
@@ -366,7 +363,7 @@ mod tests {
         assert_eq!(found.x[5], 0.7);
         let found = fitted([0.0, 5.0, 1.0], 0.0, of(x));
         assert!(
-            found.x[4] < 0.05 && (found.x[7] - 5.0).abs() < 0.3,
+            found.x[4] < 0.1 && (found.x[7] - 5.0).abs() < 0.3,
             "{:?}",
             found.x
         );

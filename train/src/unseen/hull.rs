@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
+use eagpt_scene::Camera;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::points::Points;
@@ -19,7 +20,7 @@ const NUM_DIRECTIONS: u32 = 64;
 const MET: f32 = 0.9;
 /// Receivers beyond either end of an axis that are strays, and what the box is larger by on every
 /// side, in parts of its longest edge: so that no surface is outside of it.
-const STRAYS: f32 = 0.003;
+const STRAYS: f32 = 0.001;
 const MARGIN: f32 = 0.02;
 /// Cells along the edge of a cube of the volume of the box. With four to eight the same light is
 /// found.
@@ -36,6 +37,8 @@ const FACING: f32 = 0.9;
 const LEAST_OF_FACE: f32 = 0.005;
 /// Albedo of a channel that cells have, at most.
 const MAX_ALBEDO: f32 = 0.9;
+/// Pixels of all views that look past a cell, at most, for it to be unseen.
+const MAX_PASSED: usize = 8;
 /// Rays that are traced together.
 const RAYS_AT_ONCE: usize = 1 << 18;
 
@@ -69,13 +72,16 @@ pub(super) struct Cell {
 impl Hull {
     /// The box around the receivers, `up` being the unit vector upwards; `None` if they are too few
     /// or have no extent.
-    pub(super) fn around(receivers: &[Receiver], up: Vec3) -> Option<Self> {
+    pub(super) fn around<'a>(
+        receivers: impl ExactSizeIterator<Item = &'a Receiver> + Clone,
+        up: Vec3,
+    ) -> Option<Self> {
         let rotation = Quat::from_rotation_arc(Vec3::Z, up);
         let to_local = Mat3::from_quat(rotation).transpose();
         let (mut low, mut high) = (Vec3::ZERO, Vec3::ZERO);
         let strays = (STRAYS * receivers.len() as f32) as usize;
         for axis in 0..3 {
-            let mut along: Vec<f32> = (receivers.iter())
+            let mut along: Vec<f32> = (receivers.clone())
                 .map(|(_, surface)| (to_local * surface.position)[axis])
                 .collect();
             along.sort_unstable_by(f32::total_cmp);
@@ -224,7 +230,8 @@ impl Hull {
 
     /// For each receiver, the numbers of cells that it sees past all surfaces, with the shares of
     /// its cosine-weighted directions, ascending; `[receivers]`. Shares are means over neighbours:
-    /// with the noise of single receivers, light would seem to depend less on them.
+    /// with the noise of single receivers, light would seem to depend less on them. What `cameras`
+    /// look past is left out: photographs show it.
     ///
     /// # Errors
     /// If the device fails.
@@ -232,9 +239,17 @@ impl Hull {
         &self,
         tracer: &dyn Tracer,
         (receivers, smoothing): (&[Receiver], &Smoothing),
+        cameras: &[Camera],
         key: RandomKey,
     ) -> Result<Vec<Row>> {
         let mut rows = self.traced(tracer, receivers, key)?;
+        if rows.iter().all(Vec::is_empty) {
+            return Ok(rows);
+        }
+        let passed = self.passed_by(tracer, cameras)?;
+        for row in &mut rows {
+            row.retain(|(cell, _)| passed[*cell] <= MAX_PASSED);
+        }
         rows = (0..rows.len())
             .into_par_iter()
             .map(|i| {
@@ -244,6 +259,29 @@ impl Hull {
             .collect();
         self.leave_out_unknown(&mut rows);
         Ok(rows)
+    }
+
+    /// Number of pixels of `cameras` that show what is beyond each cell or nothing, `[cells]`.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub(super) fn passed_by(&self, tracer: &dyn Tracer, cameras: &[Camera]) -> Result<Vec<usize>> {
+        let to_local = Mat3::from_quat(self.rotation).transpose();
+        let mut passed = vec![0; self.num_cells()];
+        for camera in cameras {
+            let frame = camera.ray_frame();
+            let origin = to_local * frame.origin;
+            for (pixel, met) in (0..).zip(&tracer.gbuffer(camera)?.pixels) {
+                let (x, y) = (pixel % camera.width, pixel / camera.width);
+                let direction = to_local * frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+                let place = origin + direction * met.mean_distance();
+                let is_inside = place.cmpge(self.low).all() && place.cmple(self.high).all();
+                if met.alpha() < MET || !is_inside {
+                    passed[self.number(self.left_at(origin, direction))] += 1;
+                }
+            }
+        }
+        Ok(passed)
     }
 
     /// Those of single receivers.

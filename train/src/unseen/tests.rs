@@ -5,7 +5,7 @@ use eagpt_testkit::gaussians::{cube, material};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::start::Surface;
 use hull::Cell;
-use std::f32::consts::PI;
+use std::f32::consts::{PI, TAU};
 
 const ALBEDO: f32 = 0.6;
 
@@ -63,15 +63,18 @@ fn found(middle: Vec3, radiance: f32) -> (Option<(Panels, f64)>, f64) {
     }
     let known = known.into_iter().map(Vec3::splat);
     let received: Vec<(Receiver, Vec3)> = receivers.into_iter().zip(known).collect();
-    let found = find(&tracer, &gaussians, &received, Vec3::Z, key(2)).unwrap();
+    let found = find(&tracer, &gaussians, &received, (&[], Vec3::Z), key(2)).unwrap();
     (found, unseen / all)
 }
 
-/// Their light on the floor below, which says where it is, and how much in all.
+/// Radiance times area of all discs that shine, and its middle.
 fn power_and_middle(panels: &Panels) -> (f32, Vec3) {
-    let power = |disc: &eagpt_scene::Gaussian| disc.radiance.x * disc.scale.element_product();
-    let total: f32 = panels.discs.iter().map(|disc| power(&disc)).sum();
-    let middle: Vec3 = panels.discs.iter().map(|d| d.position * power(&d)).sum();
+    let shining = || panels.discs.iter().filter(|disc| disc.emission > 0.5);
+    let power = |disc: &eagpt_scene::Gaussian| {
+        TAU * disc.opacity * disc.scale.element_product() * disc.radiance.x
+    };
+    let total: f32 = shining().map(|disc| power(&disc)).sum();
+    let middle: Vec3 = shining().map(|disc| disc.position * power(&disc)).sum();
     (total, middle / total)
 }
 
@@ -80,10 +83,9 @@ fn light_through_a_hole_is_found_where_it_is() {
     for middle in [Vec3::new(0.3, -0.3, 1.0), Vec3::new(-0.4, 0.2, 1.0)] {
         let (found, true_share) = found(middle, 8.0);
         let (panels, share) = found.unwrap();
-        assert!(
-            (share / true_share - 1.0).abs() < 0.1,
-            "{share} {true_share}"
-        );
+        // Less than all: part of it the cell may reflect, and the weight on light takes some.
+        let found_of_it = share / true_share;
+        assert!(found_of_it > 0.65 && found_of_it < 1.0, "{found_of_it}");
         let (power, at) = power_and_middle(&panels);
         // A cell is 0.34 wide.
         assert!(at.distance(middle) < 0.2, "{at}");
@@ -91,8 +93,7 @@ fn light_through_a_hole_is_found_where_it_is() {
             assert!((disc.rotation * Vec3::Z).dot(-disc.position) > 0.0);
         }
         let flux: f32 = panels.lamps.iter().map(|lamp| lamp.power[0]).sum();
-        // Discs have half the lengths of cells.
-        assert!((flux / (4.0 * PI * power) - 1.0).abs() < 1e-3);
+        assert!((flux / (PI * power) - 1.0).abs() < 1e-3);
         let holds = |lamp: &Lamp| lamp.contains(at);
         assert!(panels.lamps.iter().any(holds));
     }
@@ -109,7 +110,7 @@ fn where_albedos_are_alike_nothing_is_found() {
 fn rays_leave_the_hull_at_the_cells_that_they_point_to() {
     let (_, receivers, _) = open_room();
     let up = Vec3::new(0.0, 1.0, 1.0).normalize();
-    let hull = Hull::around(&receivers, up).unwrap();
+    let hull = Hull::around(receivers.iter(), up).unwrap();
     let inside = hull.rotation * (0.5 * (hull.low + hull.high)) + Vec3::new(0.1, -0.2, 0.05);
     for face in 0..hull::NUM_FACES {
         for (i, j) in [(0, 0), (2, 1), (3, 4)] {
