@@ -12,11 +12,12 @@
 mod fit;
 mod hull;
 mod panels;
+mod reflected;
+mod view_factors;
 
 pub(crate) use panels::{NAME, Panels};
 
 use crate::error::Result;
-use crate::irradiance;
 use crate::irradiance::smooth::Smoothing;
 use crate::segments::Segments;
 use eagpt_scene::color::luminance;
@@ -28,7 +29,8 @@ use fit::{Equations, Fit};
 use glam::Vec3;
 use hull::{FLOOR, Hull};
 use panels::UnseenCell;
-use std::collections::BTreeSet;
+use reflected::Compared;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Receivers that are compared, at most: differences between them are few.
 const MAX_RECEIVERS: usize = 16_384;
@@ -43,9 +45,6 @@ const LEAST_EXPLAINED: f64 = 0.02;
 /// Mean share of their cosine-weighted directions in which receivers see a cell, at least, for it
 /// to shine: the light of what few see can be anything.
 const SEEN_TO_SHINE: f64 = 1e-3;
-/// Directions from which the light that a cell gets is gathered.
-const NUM_SAMPLES: u32 = 256;
-
 /// What cells reflect and send, and the share of all light that they send, if it is worth while.
 /// `received` is the light that Gaussians get of all that is known, and their surfaces.
 ///
@@ -58,49 +57,39 @@ pub(crate) fn find(
     (cameras, up): (&[Camera], Vec3),
     key: RandomKey,
 ) -> Result<Option<(Panels, f64)>> {
-    let step = received.len().div_ceil(MAX_RECEIVERS).max(1);
-    let radiance = |(i, _): &Receiver| gaussians.radiances[*i as usize];
-    let sum = |light: &dyn Fn(&(Receiver, Vec3)) -> Vec3| received.iter().map(light).sum::<Vec3>();
-    let (sent, got) = (sum(&|of| radiance(&of.0)), sum(&|of| of.1));
-    let dark = |sum: Vec3| DARK * sum.max_element() / received.len() as f32;
-    let is_lit = |of: &&(Receiver, Vec3)| {
-        radiance(&of.0).min_element() > dark(sent) && of.1.min_element() > dark(got)
-    };
-    let compared = received.iter().step_by(step).filter(is_lit).copied();
-    let (receivers, known): (Vec<Receiver>, Vec<Vec3>) = compared.unzip();
-    let colors: Vec<Vec3> = receivers.iter().map(radiance).collect();
-    let Some(hull) = Hull::around(received.iter().map(|(receiver, _)| receiver), up) else {
+    let places: Vec<Vec3> = received.iter().map(|((_, at), _)| at.position).collect();
+    let Some(hull) = Hull::around(&places, up) else {
         return Ok(None);
     };
-    let smoothing = Smoothing::new(&receivers);
-    let rows = hull.seen_by(tracer, (&receivers, &smoothing), cameras, key)?;
-    let albedos = hull.albedos(&receivers, &colors, &known);
-    let cells: BTreeSet<usize> = rows.iter().flatten().map(|(cell, _)| *cell).collect();
-    let surfaces: Vec<Receiver> = cells
-        .iter()
-        .zip(0..)
-        .map(|(c, i)| (i, hull.surface(*c)))
-        .collect();
-    let light = irradiance::received(tracer, &surfaces, &gaussians.radiances, (NUM_SAMPLES, key))?;
-    let mut reflected = vec![Vec3::ZERO; hull.num_cells()];
-    for (cell, light) in cells.iter().zip(&light) {
-        reflected[*cell] = albedos[hull.cell(*cell).face as usize] * *light;
-    }
-    let mut seen = vec![0.0; hull.num_cells()];
+    let compared = compared(gaussians, received);
+    let smoothing = Smoothing::new(&compared.receivers);
+    let surfaces = (compared.receivers.as_slice(), &smoothing);
+    let rows = view_factors::seen_by(&hull, tracer, surfaces, cameras, key)?;
+    let mut seen = BTreeMap::new();
     for (cell, share) in rows.iter().flatten() {
-        seen[*cell] += share / rows.len() as f64;
+        *seen.entry(*cell).or_insert(0.0) += share / rows.len() as f64;
     }
-    let may_shine: Vec<bool> = (seen.iter().enumerate())
-        .map(|(number, seen)| hull.cell(number).face != FLOOR && *seen >= SEEN_TO_SHINE)
-        .collect();
-    let segments = Segments::of_colors(&colors, &smoothing);
-    let channels = [0, 1, 2].map(|c| {
+    if seen.is_empty() {
+        return Ok(None);
+    }
+    let scene = (tracer, gaussians.radiances.as_slice());
+    let lit = reflected::expected(&hull, seen.keys().copied(), scene, &compared, key)?;
+    let may_shine = |(cell, seen): (&usize, &f64)| {
+        let may = hull.cell(*cell).face != FLOOR && *seen >= SEEN_TO_SHINE;
+        may.then_some(*cell)
+    };
+    let may_shine: BTreeSet<usize> = seen.iter().filter_map(may_shine).collect();
+    let segments = Segments::of_colors(&compared.radiances, &smoothing);
+    let fits = [0, 1, 2].map(|c| {
         let channel = |of: &[Vec3]| of.iter().map(|v| f64::from(v[c])).collect::<Vec<_>>();
+        let expected = lit
+            .iter()
+            .map(|(cell, lit)| (*cell, f64::from(lit.reflected[c])));
         let equations = Equations {
             rows: &rows,
-            radiances: &channel(&colors),
-            known: &channel(&known),
-            expected: &channel(&reflected),
+            radiances: &channel(&compared.radiances),
+            known: &channel(&compared.known),
+            expected: &expected.collect(),
             may_shine: &may_shine,
             segments: &segments.of,
             least: LEAST_OF_SEGMENT,
@@ -108,24 +97,43 @@ pub(crate) fn find(
         equations.fit()
     });
     let weigh = |of: &dyn Fn(&Fit) -> f64| {
-        let [r, g, b] = channels.each_ref().map(|fit| of(fit) as f32);
-        f64::from(luminance([r, g, b]))
+        let channels = fits.each_ref().map(|fit| of(fit) as f32);
+        f64::from(luminance(channels))
     };
     let (share, explained) = (weigh(&|fit| fit.share), weigh(&|fit| fit.explained));
     if share < LEAST_SHARE || explained < LEAST_EXPLAINED {
         return Ok(None);
     }
-    let found = cells.iter().zip(&light).map(|(&number, light)| {
-        let x = Vec3::from_array(channels.each_ref().map(|fit| fit.x[number] as f32));
-        let sent = x.min(reflected[number]);
+    let found = lit.iter().map(|(&number, lit)| {
+        let x = Vec3::from_array(fits.each_ref().map(|fit| fit.x[&number] as f32));
+        let reflected = x.min(lit.reflected);
         UnseenCell {
             number,
-            albedo: sent / light.max(Vec3::splat(f32::MIN_POSITIVE)),
-            reflected: sent,
-            emitted: x - sent,
+            albedo: reflected / lit.irradiance.max(Vec3::splat(f32::MIN_POSITIVE)),
+            reflected,
+            emitted: x - reflected,
         }
     });
     Ok(Some((Panels::new(&hull, found), share)))
+}
+
+/// Some of the receivers, those that are lit.
+fn compared(gaussians: &Gaussians, received: &[(Receiver, Vec3)]) -> Compared {
+    let step = received.len().div_ceil(MAX_RECEIVERS).max(1);
+    let radiance = |of: &(Receiver, Vec3)| gaussians.radiances[of.0.0 as usize];
+    let least = |light: &dyn Fn(&(Receiver, Vec3)) -> Vec3| {
+        let sum: Vec3 = received.iter().map(light).sum();
+        DARK * sum.max_element() / received.len() as f32
+    };
+    let (sent, got) = (least(&radiance), least(&|of| of.1));
+    let is_lit =
+        |of: &&(Receiver, Vec3)| radiance(of).min_element() > sent && of.1.min_element() > got;
+    let some: Vec<_> = received.iter().step_by(step).filter(is_lit).collect();
+    Compared {
+        receivers: some.iter().map(|of| of.0).collect(),
+        radiances: some.iter().map(|of| radiance(of)).collect(),
+        known: some.iter().map(|of| of.1).collect(),
+    }
 }
 
 #[cfg(test)]

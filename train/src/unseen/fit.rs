@@ -8,9 +8,9 @@
 //! Gauss–Newton steps; in each the bounds are kept by coordinate descent (Franc, Hlaváč and Navara
 //! 2005).
 
-use super::hull::Row;
+use super::view_factors::Row;
 use nalgebra::{DMatrix, DVector};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Difference of logarithms of albedo from which on differences count linearly: noise is below.
 const SCALE: f64 = 0.15;
@@ -37,9 +37,9 @@ pub(super) struct Equations<'a> {
     /// Irradiance over π of all that is known, positive.
     pub(super) known: &'a [f64],
     /// Radiance that each cell is expected to have.
-    pub(super) expected: &'a [f64],
-    /// Whether each cell may have more.
-    pub(super) may_shine: &'a [bool],
+    pub(super) expected: &'a BTreeMap<usize, f64>,
+    /// Cells that may have more.
+    pub(super) may_shine: &'a BTreeSet<usize>,
     /// Number of the surface of one material that each is of.
     pub(super) segments: &'a [u32],
     /// Receivers of a surface that counts, at least.
@@ -49,7 +49,7 @@ pub(super) struct Equations<'a> {
 /// Light of cells.
 pub(super) struct Fit {
     /// Radiance of each cell.
-    pub(super) x: Vec<f64>,
+    pub(super) x: BTreeMap<usize, f64>,
     /// Share of all light of the receivers that cells bring beyond what is expected.
     pub(super) share: f64,
     /// Part of the loss of the expected that it takes away.
@@ -76,10 +76,8 @@ impl Equations<'_> {
     pub(super) fn fit(&self) -> Fit {
         let (problem, cells) = self.problem();
         let (x, before, after) = problem.solve();
-        let mut all = self.expected.to_vec();
-        for (cell, x) in cells.iter().zip(x.iter()) {
-            all[*cell] = *x;
-        }
+        let mut all = self.expected.clone();
+        all.extend(cells.into_iter().zip(x.iter().copied()));
         let beyond = (&x - &problem.expected).map(|more| more.max(0.0));
         let receivers = 0..problem.rows.len();
         let light = |x: &DVector<f64>| receivers.clone().map(|i| problem.unseen(i, x)).sum::<f64>();
@@ -129,9 +127,12 @@ impl Equations<'_> {
             radiances: kept.iter().map(|&i| self.radiances[i]).collect(),
             expected: DVector::from_iterator(
                 numbers.len(),
-                numbers.keys().map(|cell| self.expected[*cell]),
+                numbers.keys().map(|cell| self.expected[cell]),
             ),
-            may_shine: numbers.keys().map(|cell| self.may_shine[*cell]).collect(),
+            may_shine: numbers
+                .keys()
+                .map(|cell| self.may_shine.contains(cell))
+                .collect(),
             rows,
             known,
             prior,
@@ -281,109 +282,4 @@ impl Problem {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use eagpt_scene::rng::{Purpose, RandomKey};
-
-    /// Receivers of four surfaces that see three cells of radiance `x`, with known light and
-    /// logarithms of albedo that are off by random numbers of up to `noise`.
-    fn fitted(x: [f64; 3], noise: f64, expected: [f64; 10]) -> Fit {
-        let key = RandomKey::new(3, Purpose::Initialise, 0);
-        let (mut rows, mut radiances, mut known) = (Vec::new(), Vec::new(), Vec::new());
-        for i in 0..2000_u32 {
-            let mut stream = key.stream(i, 0);
-            let [a, b, c, d] = stream.next_uniforms().map(f64::from);
-            let [e, ..] = stream.next_uniforms().map(f64::from);
-            // Cells 4, 7 and 2 of ten.
-            let row = vec![(2, 0.2 * c), (4, 0.3 * a), (7, 0.1 * b * b)];
-            let light = 0.2 * c * x[2] + 0.3 * a * x[0] + 0.1 * b * b * x[1] + 0.5 + d;
-            let albedo = [0.1, 0.3, 0.6, 0.8][i as usize % 4];
-            radiances.push(light * albedo * (noise * (2.0 * e - 1.0)).exp());
-            known.push(0.5 + d);
-            rows.push(row);
-        }
-        let segments: Vec<u32> = (0..2000).map(|i| i % 4).collect();
-        let equations = Equations {
-            rows: &rows,
-            radiances: &radiances,
-            known: &known,
-            expected: &expected,
-            may_shine: &[true; 10],
-            segments: &segments,
-            least: 30,
-        };
-        equations.fit()
-    }
-
-    #[test]
-    fn albedos_alike_tell_the_light_of_cells() {
-        for (x, noise) in [([2.0, 5.0, 0.0], 0.0), ([2.0, 5.0, 1.0], 0.2)] {
-            let found = fitted(x, noise, [0.0; 10]);
-            // The weight on light takes some away.
-            for (cell, x) in [4, 7, 2].into_iter().zip(x) {
-                assert!(
-                    (found.x[cell] - x).abs() < 0.05 + 0.1 * x + noise,
-                    "{x} {}",
-                    found.x[cell]
-                );
-            }
-            let none = [0, 1, 3, 5, 6, 8, 9];
-            assert!(none.iter().all(|&cell| found.x[cell] == 0.0));
-            let explained = if noise == 0.0 { 0.8 } else { 0.3 };
-            assert!(found.explained > explained, "{}", found.explained);
-        }
-    }
-
-    #[test]
-    fn where_there_is_no_light_none_is_found() {
-        let found = fitted([0.0; 3], 0.2, [0.0; 10]);
-        assert!(
-            found.share < 0.01 && found.explained < 0.01,
-            "{} {}",
-            found.share,
-            found.explained
-        );
-        assert_eq!(fitted([0.0; 3], 0.0, [0.0; 10]).x, [0.0; 10]);
-    }
-
-    /// Little light more than is expected, as any noise, is none; darkness where light is expected is
-    /// seen, too.
-    #[test]
-    fn what_is_expected_stays_unless_albedos_say_otherwise() {
-        let of = |x: [f64; 3]| [0.0, 0.0, x[2], 0.0, x[0], 0.7, 0.0, x[1], 0.0, 0.0];
-        let x = [2.0, 5.0, 1.0];
-        let found = fitted(x, 0.2, of(x));
-        assert!(
-            found.share < 0.01 && found.explained < 0.01,
-            "{} {}",
-            found.share,
-            found.explained
-        );
-        // What is not seen.
-        assert_eq!(found.x[5], 0.7);
-        let found = fitted([0.0, 5.0, 1.0], 0.0, of(x));
-        assert!(
-            found.x[4] < 0.1 && (found.x[7] - 5.0).abs() < 0.3,
-            "{:?}",
-            found.x
-        );
-    }
-
-    #[test]
-    fn without_surfaces_there_is_nothing() {
-        let equations = Equations {
-            rows: &[vec![(0, 0.5)]],
-            radiances: &[1.0],
-            known: &[1.0],
-            expected: &[0.5],
-            may_shine: &[true],
-            segments: &[0],
-            least: 2,
-        };
-        let found = equations.fit();
-        assert_eq!(
-            (found.share, found.explained, found.x),
-            (0.0, 0.0, vec![0.5])
-        );
-    }
-}
+mod tests;
