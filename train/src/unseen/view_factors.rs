@@ -43,6 +43,7 @@ pub(super) fn seen_by(
     key: RandomKey,
 ) -> Result<Vec<Row>> {
     let mut rows = traced(hull, tracer, receivers, key)?;
+    leave_out_unknown(&mut rows, hull.num_cells());
     if rows.iter().all(Vec::is_empty) {
         return Ok(rows);
     }
@@ -50,15 +51,11 @@ pub(super) fn seen_by(
     for row in &mut rows {
         row.retain(|(cell, _)| passed[*cell] <= MAX_PASSED);
     }
-    rows = (0..rows.len())
-        .into_par_iter()
-        .map(|i| {
-            let near = smoothing.neighbours(i).iter().map(|(j, _)| *j as usize);
-            mean(&rows, near.chain([i]))
-        })
-        .collect();
-    leave_out_unknown(&mut rows, hull.num_cells());
-    Ok(rows)
+    let around = |i: usize| {
+        let near = smoothing.neighbours(i).iter().map(|(j, _)| *j as usize);
+        mean(&rows, near.chain([i]))
+    };
+    Ok((0..rows.len()).into_par_iter().map(around).collect())
 }
 
 /// Number of pixels of `cameras` that show what is beyond each cell or nothing, `[cells]`.
