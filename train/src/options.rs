@@ -308,7 +308,8 @@ pub struct AlbedoOptions {
     /// Whether glossy surfaces are looked for before the stage; in the paper all are diffuse.
     pub gloss: bool,
     /// Whether light is looked for that comes from where no view looks, and is not the surfaces'.
-    /// Lamps have to be listed (`radiance.lamps.clean`) and light gathered at Gaussians.
+    /// Lamps have to be listed (`radiance.lamps.clean`), light gathered at Gaussians, and the
+    /// photographs be of one light.
     pub unseen_light: bool,
     /// Step size of the albedo's logit.
     pub rate: f32,

@@ -15,7 +15,7 @@ mod panels;
 mod reflected;
 mod view_factors;
 
-pub(crate) use panels::{NAME, Panels};
+pub(crate) use panels::Panels;
 
 use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;

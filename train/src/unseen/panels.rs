@@ -7,9 +7,6 @@ use glam::{Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::f32::consts::{PI, TAU};
 
-/// What names of such lamps begin with.
-pub(crate) const NAME: &str = "unseen-";
-
 /// Standard deviation of the disc of a cell that reflects, in its lengths: with it discs of
 /// neighbours cover all between them.
 const SPREAD: f32 = 0.5;
