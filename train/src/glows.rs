@@ -30,7 +30,7 @@ const MAX_BEYOND: f32 = 0.35;
 /// Share of its Gaussians that may be glossy, at most: steel shows lamps.
 const MAX_GLOSSY: f32 = 0.5;
 
-/// A scene in one light, and what is known of its surfaces.
+/// A scene, and what is known of its surfaces.
 pub(crate) struct Surfaces<'a> {
     pub(crate) gaussians: &'a Gaussians,
     /// Number of Gaussians, the first ones, that are not of clean lamps.
@@ -43,7 +43,8 @@ pub(crate) struct Surfaces<'a> {
     pub(crate) gloss: &'a [Gloss],
 }
 
-/// The Gaussians of each surface that shines of itself, ascending.
+/// The Gaussians of each surface that shines of itself, ascending. What is at the
+/// edges of two is of both.
 pub(crate) fn glows(surfaces: &Surfaces<'_>) -> Vec<Vec<usize>> {
     let gaussians = surfaces.gaussians;
     let may_shine = |i: usize| {
@@ -117,24 +118,6 @@ fn connected<N: Iterator<Item = usize>>(
             next += 1;
         }
         all.push(members);
-    }
-    all
-}
-
-/// The surfaces that shine in one of several lights at least: those found in each, of which what
-/// has a Gaussian in common is one. Gaussians ascend.
-pub(crate) fn in_any_light(found: &[Vec<Vec<usize>>]) -> Vec<BTreeSet<usize>> {
-    let mut all: Vec<BTreeSet<usize>> = Vec::new();
-    for members in found.iter().flatten() {
-        let mut joined: BTreeSet<usize> = members.iter().copied().collect();
-        all.retain(|other| {
-            let is_apart = other.is_disjoint(&joined);
-            if !is_apart {
-                joined.extend(other);
-            }
-            is_apart
-        });
-        all.push(joined);
     }
     all
 }

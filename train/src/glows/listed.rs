@@ -8,7 +8,6 @@ use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::{Camera, Gaussians, LampShape};
 use eagpt_trace::{Features, Tracer};
 use glam::{Mat3, Quat, Vec3};
-use std::collections::BTreeSet;
 use std::f32::consts::{FRAC_PI_2, PI};
 
 /// Angles of its box about its normal that are tried.
@@ -36,7 +35,7 @@ pub(crate) struct Sight {
 /// # Errors
 /// If the device fails.
 pub(crate) fn sights<'a>(
-    glows: &[BTreeSet<usize>],
+    glows: &[Vec<usize>],
     (tracer, num): (&dyn Tracer, usize),
     views: impl Iterator<Item = (Camera, &'a str)>,
 ) -> Result<Vec<Sight>> {
