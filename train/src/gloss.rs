@@ -34,7 +34,6 @@ use glam::{Quat, Vec3};
 use observe::Observations;
 use planes::Planes;
 use rayon::prelude::*;
-
 use serde::Serialize;
 use std::collections::BTreeMap;
 

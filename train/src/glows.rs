@@ -43,8 +43,8 @@ pub(crate) struct Surfaces<'a> {
     pub(crate) gloss: &'a [Gloss],
 }
 
-/// The Gaussians of each surface that shines of itself, ascending. What is at the
-/// edges of two is of both.
+/// The Gaussians of each surface that shines of itself, ascending; one at the edges of two surfaces
+/// is of both.
 pub(crate) fn glows(surfaces: &Surfaces<'_>) -> Vec<Vec<usize>> {
     let gaussians = surfaces.gaussians;
     let may_shine = |i: usize| {

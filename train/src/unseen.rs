@@ -45,7 +45,7 @@ const LEAST_EXPLAINED: f64 = 0.02;
 /// Mean share of their cosine-weighted directions in which receivers see a cell, at least, for it
 /// to shine: the light of what few see can be anything.
 const SEEN_TO_SHINE: f64 = 1e-3;
-/// What cells reflect and send, and the share of all light that they send, if it is worth while.
+/// The cells that close the room, and the share of all light that they send, if it is worth while.
 /// `received` is the light that Gaussians get of all that is known, and their surfaces.
 ///
 /// # Errors

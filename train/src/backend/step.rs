@@ -164,8 +164,8 @@ pub trait Backend {
     /// If the device fails.
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()>;
 
-    /// What is gathered in a light: each Gaussian that cameras see, with the surface that it is part
-    /// of and the irradiance over π there; empty before all is gathered.
+    /// Irradiance over π that is gathered in a light, for each Gaussian that cameras see, with the
+    /// surface that it is part of; empty before all is gathered.
     fn gathered(&self, light: usize) -> Vec<(Receiver, Vec3)>;
 
     /// Begins stage 1: forgets Adam's moments and sets the albedos to start from. They are the

@@ -20,7 +20,7 @@ const WHOLE: f32 = 0.7;
 /// has no certain area.
 const LEAST_COSINE: f32 = 0.1;
 
-/// What views show of a surface.
+/// Area and views of a surface.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Sight {
     /// Area, scene units².
@@ -29,8 +29,8 @@ pub(crate) struct Sight {
     pub(crate) views: Vec<String>,
 }
 
-/// What views, given by their cameras and names, show of each of `glows`, surfaces of the `num`
-/// Gaussians that `tracer` traces.
+/// Area and views of each of `glows`, surfaces of the `num` Gaussians that `tracer` traces; `views`
+/// are cameras with their names.
 ///
 /// # Errors
 /// If the device fails.

@@ -1,16 +1,12 @@
 //! Surfaces that shine of themselves join the lamps, once the light that they receive is known.
 
-use super::lamps::without;
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
 use crate::glows::{self, Surfaces};
 use crate::progress::TrainProgress;
 use crate::views::Views;
-use eagpt_scene::lamps::write_lamps;
-
-/// What names of such lamps begin with.
-const NAME: &str = "glow-";
+use eagpt_scene::lamps::{read_lamps, write_lamps};
 
 impl Run<'_> {
     /// Lets surfaces emit that are brighter than the light gathered there allows, and lists them
@@ -23,7 +19,7 @@ impl Run<'_> {
         }
         let state = backend.state()?;
         let scene = state.gaussians();
-        let mut lamps = without(&list, NAME)?;
+        let mut lamps = read_lamps(&list)?;
         let mut shown = lamps.clone();
         // The boxes of those that no view shows reach far into the room.
         shown.lamps.retain(|lamp| !lamp.views.is_empty());
@@ -42,7 +38,7 @@ impl Run<'_> {
         let tracer = self.request.device.scene(&scene)?;
         let sights = glows::sights(&found, (&*tracer, scene.len()), views.named_cameras())?;
         for ((members, sight), number) in found.iter().zip(&sights).zip(1..) {
-            let name = format!("{NAME}{number}");
+            let name = format!("glow-{number}");
             (lamps.lamps).push(glows::lamp(name, &scene, members, sight));
         }
         write_lamps(&list, &lamps)?;

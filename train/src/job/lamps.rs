@@ -89,7 +89,7 @@ impl Run<'_> {
             if !listed.exists() {
                 continue;
             }
-            let lamps = read_lamps(&listed)?;
+            let lamps = only_masked(&listed)?;
             let device = &request.device;
             *emitting = luminous(device, (scene, num_moving), &lamps, &cameras, sampling)?;
             let num = emitting.iter().filter(|(_, emits)| *emits).count();
@@ -119,11 +119,15 @@ pub(super) fn all_emitting(lights: &[Gaussians]) -> Gaussians {
     scene
 }
 
-/// The lamps of a list but those whose names begin with `prefix`: a run that is taken up may have
-/// listed them already.
-pub(super) fn without(list: &Path, prefix: &str) -> Result<Lamps> {
+/// The lamps of a list that masks show, which is then a list of these: a run that is taken up may
+/// have listed others, which it finds again.
+fn only_masked(list: &Path) -> Result<Lamps> {
     let mut lamps = read_lamps(list)?;
-    lamps.lamps.retain(|lamp| !lamp.name.starts_with(prefix));
+    let num = lamps.lamps.len();
+    lamps.lamps.retain(|lamp| lamp.num_pixels > 0);
+    if lamps.lamps.len() < num {
+        write_lamps(list, &lamps)?;
+    }
     Ok(lamps)
 }
 
@@ -180,5 +184,20 @@ mod tests {
         keep_emitting(&path, &scene).unwrap();
         let kept = read_lamps(&path).unwrap();
         assert_eq!(kept.names().collect::<Vec<_>>(), ["lit", "ball"]);
+    }
+
+    #[test]
+    fn lamps_that_no_mask_shows_are_forgotten() {
+        let of = |name: &str, num_pixels| Lamp {
+            num_pixels,
+            ..boxed(name, [0.0; 3], [0.3; 3])
+        };
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("lamps.json");
+        let lamps = vec![of("ball-1", 7), of("unseen-1", 0), of("glow-1", 0)];
+        write_lamps(&path, &Lamps { lamps }).unwrap();
+        let kept = only_masked(&path).unwrap();
+        assert_eq!(kept.names().collect::<Vec<_>>(), ["ball-1"]);
+        assert_eq!(read_lamps(&path).unwrap(), kept);
     }
 }

@@ -1,6 +1,5 @@
 //! Light from where no view looks joins the lamps, once the light that all else brings is known.
 
-use super::lamps::without;
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
@@ -8,11 +7,8 @@ use crate::progress::TrainProgress;
 use crate::unseen;
 use crate::views::Views;
 use eagpt_scene::SceneEdit;
-use eagpt_scene::lamps::write_lamps;
+use eagpt_scene::lamps::{read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
-
-/// What names of such lamps begin with.
-const NAME: &str = "unseen-";
 
 impl Run<'_> {
     /// Closes the room where no view looks if light comes from there, and lists what shines with
@@ -43,9 +39,9 @@ impl Run<'_> {
             ..SceneEdit::nothing(scene.len())
         };
         backend.edit(&edit, &[])?;
-        let mut lamps = without(&list, NAME)?;
+        let mut lamps = read_lamps(&list)?;
         for (mut lamp, number) in panels.lamps.into_iter().zip(1..) {
-            lamp.name = format!("{NAME}{number}");
+            lamp.name = format!("unseen-{number}");
             lamps.lamps.push(lamp);
         }
         write_lamps(&list, &lamps)?;

@@ -28,7 +28,7 @@ const CONVERGED: f64 = 1e-4;
 /// Rounds in which weights and mean of a surface follow each other.
 const MEAN_ROUNDS: u32 = 6;
 
-/// What is known of receivers, in one colour channel; all of one length but for `least`.
+/// Light of receivers, in one colour channel, and the cells that they see.
 pub(super) struct Equations<'a> {
     /// Cells that each sees, and the shares of its directions.
     pub(super) rows: &'a [Row],

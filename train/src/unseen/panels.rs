@@ -19,7 +19,7 @@ const OPACITY: f32 = 0.99;
 /// Part of a cell that these cover.
 const COVERED: f32 = TAU * SPREAD_OF_LIGHT * SPREAD_OF_LIGHT * OPACITY;
 
-/// What is known of a cell.
+/// A cell that closes the room.
 pub(super) struct UnseenCell {
     pub(super) number: usize,
     pub(super) albedo: Vec3,

@@ -1,5 +1,5 @@
-//! What unseen cells are expected to reflect: the light that they get, by the albedo of what is seen
-//! of their face.
+//! Light that unseen cells are expected to reflect: what they get, by the albedo of what is seen of
+//! their face.
 
 use super::hull::{Hull, NUM_FACES};
 use crate::error::Result;

@@ -39,7 +39,7 @@ fn key(number: u32) -> RandomKey {
     RandomKey::new(5, Purpose::Albedo, number)
 }
 
-/// What is found where a patch of the ceiling's plane, of half edge 0.4 around `middle`, has
+/// Light that is found where a patch of the ceiling's plane, of half edge 0.4 around `middle`, has
 /// `radiance`.
 fn found(middle: Vec3, radiance: f32) -> (Option<(Panels, f64)>, f64) {
     let (mut gaussians, receivers, known) = open_room();

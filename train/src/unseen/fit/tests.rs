@@ -78,7 +78,7 @@ fn what_is_expected_stays_unless_albedos_say_otherwise() {
         found.share,
         found.explained
     );
-    // What is not seen.
+    // Nobody sees it.
     assert_eq!(found.x[&5], 0.7);
     let found = fitted([0.0, 5.0, 1.0], 0.0, of(x));
     assert!(
