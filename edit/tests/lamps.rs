@@ -12,26 +12,14 @@ mod common;
 use common::{Folder, row};
 use eagpt_edit::{Edited, replay};
 use eagpt_scene::{Gaussians, Lamp, LampShape, Lamps, LightBasis, LightGroups};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 /// A ball of size 0.5 around a disc of the row.
 fn ball(name: &str, x: f32) -> Lamp {
+    let frame = (Vec3::new(x, 0.0, 1.0), Quat::IDENTITY, Vec3::splat(0.5));
     Lamp {
         name: name.to_owned(),
-        shape: LampShape::Ball,
-        centre: [x, 0.0, 1.0],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        size: [0.5; 3],
-        one_sided: false,
-        bars: false,
-        area: 0.8,
-        radiance: [1.0, 2.0, 3.0],
-        power: [2.5, 5.0, 7.5],
-        num_gaussians: 1,
-        views: vec!["000".to_owned()],
-        num_pixels: 10,
-        deviation: 0.0,
-        factor: [1.0; 3],
+        ..Lamp::unmeasured(LampShape::Ball, frame, (0.8, Vec3::new(1.0, 2.0, 3.0)))
     }
 }
 

@@ -158,23 +158,15 @@ fn where_no_mask_shows_a_lamp_nothing_changes() {
 const HEIGHT: f32 = 2.49;
 
 fn panel(bars: bool) -> Lamps {
-    let r = rotation::from_z_to(Vec3::NEG_Z);
+    let size = Vec3::new(0.2, 0.16, 0.0);
+    let down = rotation::from_z_to(Vec3::NEG_Z);
+    let frame = (Vec3::new(0.2, 0.1, HEIGHT), down, size);
     let lamp = Lamp {
         name: "ceiling-1".to_owned(),
-        shape: LampShape::Panel,
-        centre: [0.2, 0.1, HEIGHT],
-        rotation: [r.w, r.x, r.y, r.z],
-        size: [0.2, 0.16, 0.0],
         one_sided: true,
         bars,
-        area: 0.032,
-        radiance: RADIANCE.to_array(),
-        power: (RADIANCE * 0.1).to_array(),
-        num_gaussians: 0,
-        views: Vec::new(),
         num_pixels: 100,
-        deviation: 0.0,
-        factor: [1.0; 3],
+        ..Lamp::unmeasured(LampShape::Panel, frame, (0.032, RADIANCE))
     };
     Lamps { lamps: vec![lamp] }
 }

@@ -12,6 +12,7 @@ use crate::color::luminance;
 use crate::rotation;
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
+use std::f32::consts::PI;
 use std::fmt;
 
 /// Emission above which a Gaussian or a blended hit is an emitter, τ_E of the paper.
@@ -97,6 +98,33 @@ pub struct Lamp {
 }
 
 impl Lamp {
+    /// A lamp without a name that no view has measured, in a box of this middle (world space),
+    /// rotation (world from the lamp's own axes) and size (scene units), whose `area` (scene
+    /// units²) sends `radiance` to one side of it.
+    pub fn unmeasured(
+        shape: LampShape,
+        (centre, rotation, size): (Vec3, Quat, Vec3),
+        (area, radiance): (f32, Vec3),
+    ) -> Self {
+        Self {
+            name: String::new(),
+            shape,
+            centre: centre.to_array(),
+            rotation: [rotation.w, rotation.x, rotation.y, rotation.z],
+            size: size.to_array(),
+            one_sided: false,
+            bars: false,
+            area,
+            radiance: radiance.to_array(),
+            power: (PI * area * radiance).to_array(),
+            num_gaussians: 0,
+            views: Vec::new(),
+            num_pixels: 0,
+            deviation: 0.0,
+            factor: [1.0; 3],
+        }
+    }
+
     /// Whether a Gaussian that emits belongs to the lamp if its centre is at `position` (world
     /// space, scene units): in the box of the lamp, grown on every side by 15 % of its largest
     /// size.

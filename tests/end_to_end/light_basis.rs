@@ -2,26 +2,15 @@
 
 use crate::support::Workplace;
 use eagpt_scene::{Gaussians, Lamp, LampShape, LightBasis, lamps, ply};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 /// A ball of light that a script inserts, as a lamp.
 fn ball(name: &str, centre: [f32; 3], radius: f32) -> Lamp {
+    let frame = (centre.into(), Quat::IDENTITY, Vec3::splat(2.0 * radius));
     Lamp {
         name: name.to_owned(),
-        shape: LampShape::Ball,
-        centre,
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        size: [2.0 * radius; 3],
-        one_sided: false,
-        bars: false,
-        area: 1.0,
-        radiance: [1.0; 3],
         power: [1.0, 2.0, 4.0],
-        num_gaussians: 0,
-        views: Vec::new(),
-        num_pixels: 0,
-        deviation: 0.0,
-        factor: [1.0; 3],
+        ..Lamp::unmeasured(LampShape::Ball, frame, (1.0, Vec3::ONE))
     }
 }
 

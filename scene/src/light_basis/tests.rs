@@ -2,26 +2,16 @@ use super::*;
 use crate::gaussians::random_cloud;
 use crate::lamps::{Lamp, LampShape, Lamps};
 use crate::testing::assert_error;
+use glam::Quat;
 
 /// A lamp whose box holds all centres with x in a range.
 fn lamp(name: &str, from: f32, to: f32) -> Lamp {
+    // Grown by 15 % of the largest size on every side, which is y and z.
+    let size = Vec3::new(to - from - 1.2, 4.0, 4.0);
+    let frame = (Vec3::X * 0.5 * (from + to), Quat::IDENTITY, size);
     Lamp {
         name: name.to_owned(),
-        shape: LampShape::Other,
-        centre: [0.5 * (from + to), 0.0, 0.0],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        // Grown by 15 % of the largest size on every side, which is y and z.
-        size: [to - from - 1.2, 4.0, 4.0],
-        one_sided: false,
-        bars: false,
-        area: 1.0,
-        radiance: [1.0; 3],
-        power: [1.0; 3],
-        num_gaussians: 1,
-        views: Vec::new(),
-        num_pixels: 0,
-        deviation: 0.0,
-        factor: [1.0; 3],
+        ..Lamp::unmeasured(LampShape::Other, frame, (1.0, Vec3::ONE))
     }
 }
 

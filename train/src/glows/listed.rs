@@ -8,7 +8,7 @@ use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::{Camera, Gaussians, LampShape};
 use eagpt_trace::{Features, Tracer};
 use glam::{Mat3, Quat, Vec3};
-use std::f32::consts::{FRAC_PI_2, PI};
+use std::f32::consts::FRAC_PI_2;
 
 /// Angles of its box about its normal that are tried.
 const NUM_ANGLES: usize = 90;
@@ -93,23 +93,11 @@ pub(crate) fn lamp(name: String, gaussians: &Gaussians, members: &[usize], sight
     let light = members.iter().map(|&i| weight(i) * gaussians.radiances[i]);
     let radiance = light.sum::<Vec3>() / total;
     let places: Vec<Vec3> = members.iter().map(|&i| gaussians.positions[i]).collect();
-    let (centre, rotation, size) = bounds(&places);
     Lamp {
         name,
-        shape: LampShape::Other,
-        centre: centre.to_array(),
-        rotation: [rotation.w, rotation.x, rotation.y, rotation.z],
-        size: size.to_array(),
-        one_sided: false,
-        bars: false,
-        area: sight.area,
-        radiance: radiance.to_array(),
-        power: (PI * sight.area * radiance).to_array(),
         num_gaussians: members.len(),
         views: sight.views.clone(),
-        num_pixels: 0,
-        deviation: 0.0,
-        factor: [1.0; 3],
+        ..Lamp::unmeasured(LampShape::Other, bounds(&places), (sight.area, radiance))
     }
 }
 

@@ -5,7 +5,7 @@ use eagpt_scene::lamps::Lamp;
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, LampShape};
 use glam::{Vec2, Vec3};
 use std::collections::BTreeMap;
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 
 /// Standard deviation of the disc of a cell that reflects, in its lengths: with it discs of
 /// neighbours cover all between them.
@@ -127,21 +127,11 @@ fn lamp(hull: &Hull, cells: &[(Cell, Vec3)]) -> Lamp {
     let area = lengths.element_product() * cells.len() as f32;
     let sum: Vec3 = cells.iter().map(|(_, radiance)| *radiance).sum();
     let radiance = sum / cells.len() as f32;
+    let size = ((high - low).truncate() + lengths).extend(0.0);
+    let frame = (rotation * (0.5 * (low + high)), rotation, size);
     Lamp {
-        name: String::new(),
-        shape: LampShape::Panel,
-        centre: (rotation * (0.5 * (low + high))).to_array(),
-        rotation: [rotation.w, rotation.x, rotation.y, rotation.z],
-        size: ((high - low).truncate() + lengths).extend(0.0).to_array(),
         one_sided: true,
-        bars: false,
-        area,
-        radiance: radiance.to_array(),
-        power: (PI * area * radiance).to_array(),
         num_gaussians: cells.len() * (ALONG * ALONG) as usize,
-        views: Vec::new(),
-        num_pixels: 0,
-        deviation: 0.0,
-        factor: [1.0; 3],
+        ..Lamp::unmeasured(LampShape::Panel, frame, (area, radiance))
     }
 }
