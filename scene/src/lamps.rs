@@ -92,8 +92,8 @@ pub struct Lamp {
     /// Standard deviation of the flux between views over its mean: how sure the flux is. 0 for a
     /// single view, which says nothing.
     pub deviation: f32,
-    /// Multiplier, by channel, with which the solution of all lamps' powers has corrected the
-    /// measured radiance; 1 where nothing was solved. Radiance and power have it already.
+    /// Multiplier, by channel, by which it sends more light than views see of it, as what it lights
+    /// tells; 1 where that is nothing. Radiance and power have it already.
     pub factor: [f32; 3],
 }
 
@@ -159,6 +159,13 @@ impl Lamp {
     pub fn world_from_lamp(&self) -> Quat {
         let [w, x, y, z] = self.rotation;
         rotation::unit(Quat::from_xyzw(x, y, z, w))
+    }
+
+    /// Multiplies its light, and its [`Self::factor`].
+    pub fn strengthen(&mut self, by: Vec3) {
+        for light in [&mut self.radiance, &mut self.power, &mut self.factor] {
+            *light = (Vec3::from(*light) * by).to_array();
+        }
     }
 
     /// Luminance of [`Self::power`].

@@ -74,6 +74,11 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
              shine: see \"unseen-*\" in the list of lamps",
             100.0 * share
         )),
+        TrainProgress::LampPowers { num, most } => reporter.note(&format!(
+            "{num} lamp{} more than views see, up to {most:.2} times as much: see `factor` in the \
+             list of lamps",
+            if *num == 1 { " sends" } else { "s send" },
+        )),
         TrainProgress::Glows { num } => reporter.note(&format!(
             "{num} surface{} that no mask shows {} brighter than can be reflected, and emit{}: \
              see \"glow-*\" in the list of lamps",

@@ -8,6 +8,7 @@ mod folder;
 mod gloss;
 mod glows;
 mod initial;
+mod lamp_powers;
 mod lamps;
 mod lights;
 mod memory;

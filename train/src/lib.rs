@@ -18,6 +18,7 @@
 //! - [`relit`]: a light that was not trained on, by switching lamps.
 //! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.
 
+mod alike;
 pub mod backend;
 pub mod bake;
 pub mod checkpoint;
@@ -29,6 +30,7 @@ mod glows;
 pub mod init;
 pub mod irradiance;
 pub mod job;
+mod lamp_powers;
 pub mod light_fit;
 mod log;
 pub mod loss;

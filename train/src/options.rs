@@ -307,9 +307,9 @@ pub struct AlbedoOptions {
     pub num_samples: u32,
     /// Whether glossy surfaces are looked for before the stage; in the paper all are diffuse.
     pub gloss: bool,
-    /// Whether light is looked for that comes from where no view looks, and is not the surfaces'.
-    /// Lamps have to be listed (`radiance.lamps.clean`), light gathered at Gaussians, and the
-    /// photographs be of one light.
+    /// Whether light is looked for that no view shows: from where none looks, and of bulbs in
+    /// shades and fixtures, whose lamps are stronger than views see them. Lamps have to be listed
+    /// (`radiance.lamps.clean`), light gathered at Gaussians, and the photographs be of one light.
     pub unseen_light: bool,
     /// Step size of the albedo's logit.
     pub rate: f32,

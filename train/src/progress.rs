@@ -99,6 +99,13 @@ pub enum TrainProgress {
         /// Share of all light, 0 to 1.
         share: f64,
     },
+    /// Lamps send more than views see, and are as strong now as what they light tells.
+    LampPowers {
+        /// Lamps.
+        num: usize,
+        /// The largest factor of a lamp, above 1.
+        most: f32,
+    },
     /// Surfaces that no mask shows emit, as they are brighter than they can reflect.
     Glows {
         /// Surfaces.

@@ -5,11 +5,10 @@
 //! never comes back. It is told by surfaces of one material, whose albedo is the same wherever they
 //! are: rays from them that meet nothing say how much each sees of every cell of the hull around
 //! the scene ([`hull`]), and the radiance of cells is that which explains why surfaces are brighter
-//! where they see more of them ([`fit`]), or what the mean albedo of the scene would reflect. Cells
+//! where they see more of them ([`Compared::fit`]), or what the mean albedo of the scene would reflect. Cells
 //! that are seen are put into the scene as surfaces that reflect, and those that are brighter shine
 //! as well ([`panels`]).
 
-mod fit;
 mod hull;
 mod panels;
 mod reflected;
@@ -17,27 +16,22 @@ mod view_factors;
 
 pub(crate) use panels::Panels;
 
+use crate::alike::{Compared, Expected, Fit};
 use crate::error::Result;
-use crate::irradiance::smooth::Smoothing;
 use crate::segments::Segments;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::Receiver;
-use fit::{Equations, Fit};
 use glam::Vec3;
 use hull::{FLOOR, Hull};
 use panels::UnseenCell;
-use reflected::Compared;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Receivers that are compared, at most: differences between them are few.
-const MAX_RECEIVERS: usize = 16_384;
-/// Light of single receivers below this part of the mean is noise.
-const DARK: f32 = 0.02;
-/// Receivers of a surface of one material, at least.
-const LEAST_OF_SEGMENT: usize = 30;
+/// Weight of light that is not expected of a cell. A third and three times of it change the light
+/// found by a tenth.
+const WEIGHT: f64 = 3e-3;
 /// Part of all light, at least, that cells bring beyond what they reflect, and part of the
 /// differences within materials that it explains, for them to shine.
 const LEAST_SHARE: f64 = 0.02;
@@ -61,10 +55,8 @@ pub(crate) fn find(
     let Some(hull) = Hull::around(&places, up) else {
         return Ok(None);
     };
-    let compared = compared(gaussians, received);
-    let smoothing = Smoothing::new(&compared.receivers);
-    let surfaces = (compared.receivers.as_slice(), &smoothing);
-    let rows = view_factors::seen_by(&hull, tracer, surfaces, cameras, key)?;
+    let compared = Compared::new(gaussians, received);
+    let rows = view_factors::seen_by(&hull, tracer, &compared, cameras, key)?;
     let mut seen = BTreeMap::new();
     for (cell, share) in rows.iter().flatten() {
         *seen.entry(*cell).or_insert(0.0) += share / rows.len() as f64;
@@ -79,22 +71,30 @@ pub(crate) fn find(
         may.then_some(*cell)
     };
     let may_shine: BTreeSet<usize> = seen.iter().filter_map(may_shine).collect();
-    let segments = Segments::of_colors(&compared.radiances, &smoothing);
+    let segments = Segments::of_colors(&compared.radiances, &compared.smoothing);
     let fits = [0, 1, 2].map(|c| {
         let channel = |of: &[Vec3]| of.iter().map(|v| f64::from(v[c])).collect::<Vec<_>>();
-        let expected = lit
-            .iter()
-            .map(|(cell, lit)| (*cell, f64::from(lit.reflected[c])));
-        let equations = Equations {
-            rows: &rows,
-            radiances: &channel(&compared.radiances),
-            known: &channel(&compared.known),
-            expected: &expected.collect(),
-            may_shine: &may_shine,
-            segments: &segments.of,
-            least: LEAST_OF_SEGMENT,
-        };
-        equations.fit()
+        let expected = lit.iter().map(|(cell, lit)| {
+            let radiance = f64::from(lit.reflected[c]);
+            let most = if may_shine.contains(cell) {
+                f64::INFINITY
+            } else {
+                radiance
+            };
+            let expected = Expected {
+                radiance,
+                bounds: [0.0, most],
+                weight: WEIGHT,
+            };
+            (*cell, expected)
+        });
+        let light = [channel(&compared.radiances), channel(&compared.known)];
+        compared.fit(
+            &segments,
+            &rows,
+            light.each_ref().map(Vec::as_slice),
+            &expected.collect(),
+        )
     });
     let weigh = |of: &dyn Fn(&Fit) -> f64| {
         let channels = fits.each_ref().map(|fit| of(fit) as f32);
@@ -115,25 +115,6 @@ pub(crate) fn find(
         }
     });
     Ok(Some((Panels::new(&hull, found), share)))
-}
-
-/// Some of the receivers, those that are lit.
-fn compared(gaussians: &Gaussians, received: &[(Receiver, Vec3)]) -> Compared {
-    let step = received.len().div_ceil(MAX_RECEIVERS).max(1);
-    let radiance = |of: &(Receiver, Vec3)| gaussians.radiances[of.0.0 as usize];
-    let least = |light: &dyn Fn(&(Receiver, Vec3)) -> Vec3| {
-        let sum: Vec3 = received.iter().map(light).sum();
-        DARK * sum.max_element() / received.len() as f32
-    };
-    let (sent, got) = (least(&radiance), least(&|of| of.1));
-    let is_lit =
-        |of: &&(Receiver, Vec3)| radiance(of).min_element() > sent && of.1.min_element() > got;
-    let some: Vec<_> = received.iter().step_by(step).filter(is_lit).collect();
-    Compared {
-        receivers: some.iter().map(|of| of.0).collect(),
-        radiances: some.iter().map(|of| radiance(of)).collect(),
-        known: some.iter().map(|of| of.1).collect(),
-    }
 }
 
 #[cfg(test)]

@@ -74,6 +74,10 @@ impl Backend for CpuBackend {
         (self.trainer).mark_emitting(&mut self.parameters, emitting)
     }
 
+    fn brighten(&mut self, factors: &[(usize, f32)]) -> Result<()> {
+        self.trainer.brighten(&mut self.parameters, factors)
+    }
+
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
         self.trainer.begin_gathering(&self.parameters, cameras)
     }

@@ -264,6 +264,11 @@ impl Backend for GpuBackend {
         trainer.mark_emitting(parameters, emitting)
     }
 
+    fn brighten(&mut self, factors: &[(usize, f32)]) -> Result<()> {
+        let (trainer, parameters) = self.host()?;
+        trainer.brighten(parameters, factors)
+    }
+
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
         let freed = self.lit.drain().map(|(_, lit)| lit.size() as usize);
         self.view_budget += freed.sum::<usize>();

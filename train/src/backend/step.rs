@@ -150,6 +150,12 @@ pub trait Backend {
     /// If the device fails.
     fn mark_emitting(&mut self, emitting: &[Vec<(usize, bool)>]) -> Result<()>;
 
+    /// Multiplies the radiance of Gaussians, by their indices, in the light shown.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn brighten(&mut self, factors: &[(usize, f32)]) -> Result<()>;
+
     /// Finds the Gaussians that `cameras` see, and a point of the surface of each, to gather the
     /// light shown. Returns their number.
     ///

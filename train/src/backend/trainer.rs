@@ -236,6 +236,16 @@ impl<S: Tracer> Trainer<S> {
         parameters.state.mark_emitting(emitting);
         self.refresh(parameters)
     }
+
+    /// See [`super::Backend::brighten`].
+    pub(super) fn brighten(
+        &mut self,
+        parameters: &mut HostParameters,
+        factors: &[(usize, f32)],
+    ) -> Result<()> {
+        parameters.state.brighten(factors);
+        self.refresh(parameters)
+    }
 }
 
 fn taken(iteration: u32, view: &TrainingView, outcome: StepOutcome) -> Taken {

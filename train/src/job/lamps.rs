@@ -12,6 +12,7 @@ use eagpt_lamps::Evidence;
 use eagpt_scene::lamps::{Lamp, Lamps, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, LampShape};
+use glam::Vec3;
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -119,13 +120,16 @@ pub(super) fn all_emitting(lights: &[Gaussians]) -> Gaussians {
     scene
 }
 
-/// The lamps of a list that masks show, which is then a list of these: a run that is taken up may
-/// have listed others, which it finds again.
+/// The lamps of a list that masks show, as views measured them, which is then a list of these: a
+/// run that is taken up may have listed others and made them stronger, which it does again.
 fn only_masked(list: &Path) -> Result<Lamps> {
-    let mut lamps = read_lamps(list)?;
-    let num = lamps.lamps.len();
+    let all = read_lamps(list)?;
+    let mut lamps = all.clone();
     lamps.lamps.retain(|lamp| lamp.num_pixels > 0);
-    if lamps.lamps.len() < num {
+    for lamp in &mut lamps.lamps {
+        lamp.strengthen(Vec3::from(lamp.factor).recip());
+    }
+    if lamps != all {
         write_lamps(list, &lamps)?;
     }
     Ok(lamps)
@@ -159,7 +163,6 @@ mod tests {
     use super::*;
     use eagpt_testkit::gaussians::{material, sphere};
     use eagpt_testkit::lamps::boxed;
-    use glam::Vec3;
 
     #[test]
     fn lamps_without_a_shape_of_which_nothing_emits_are_not_listed() {

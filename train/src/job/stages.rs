@@ -53,6 +53,9 @@ impl Run<'_> {
                 if self.light_unseen(backend, views)? && !self.gather(backend, views)? {
                     return Ok(false);
                 }
+                if self.correct_lamps(backend, views)? && !self.gather(backend, views)? {
+                    return Ok(false);
+                }
                 self.mark_glows(backend, views)?;
             }
             backend.begin_albedo(&self.gloss.shares)?;

@@ -103,6 +103,15 @@ impl ParameterState {
         self.show_light(current);
     }
 
+    /// Multiplies the radiance of Gaussians, by their indices, in the light shown.
+    pub(crate) fn brighten(&mut self, factors: &[(usize, f32)]) {
+        for &(i, factor) in factors {
+            for logarithm in &mut self.raw.values[i][RADIANCE..RADIANCE + 3] {
+                *logarithm += factor.ln();
+            }
+        }
+    }
+
     /// The Gaussians in each light.
     pub fn in_lights(&self) -> Vec<Gaussians> {
         let mut state = self.clone();

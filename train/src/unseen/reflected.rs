@@ -2,6 +2,7 @@
 //! their face.
 
 use super::hull::{Hull, NUM_FACES};
+use crate::alike::Compared;
 use crate::error::Result;
 use crate::irradiance;
 use eagpt_scene::rng::RandomKey;
@@ -19,15 +20,6 @@ const FACING: f32 = 0.9;
 const LEAST_OF_FACE: f32 = 0.005;
 /// Albedo of a channel that cells have, at most.
 const MAX_ALBEDO: f32 = 0.9;
-
-/// Receivers that are compared.
-pub(super) struct Compared {
-    pub(super) receivers: Vec<Receiver>,
-    /// Radiance, `[receivers]`.
-    pub(super) radiances: Vec<Vec3>,
-    /// Irradiance over π of all that is known, `[receivers]`.
-    pub(super) known: Vec<Vec3>,
-}
 
 /// Irradiance over π of a cell, and the radiance that it is expected to reflect.
 pub(super) struct Lit {

@@ -1,8 +1,8 @@
 //! How much of each cell of the hull surfaces see past all others.
 
 use super::hull::Hull;
+use crate::alike::{Compared, Row};
 use crate::error::Result;
-use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::Camera;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::transport::matrix::Receiver;
@@ -25,9 +25,6 @@ const MAX_PASSED: usize = 8;
 /// Rays that are traced together.
 const RAYS_AT_ONCE: usize = 1 << 18;
 
-/// Cells that a receiver sees, and the shares of its directions, ascending by cell.
-pub(super) type Row = Vec<(usize, f64)>;
-
 /// For each receiver, the numbers of cells that it sees past all surfaces, with the shares of
 /// its cosine-weighted directions, ascending; `[receivers]`. Shares are means over neighbours:
 /// with the noise of single receivers, light would seem to depend less on them. What `cameras`
@@ -38,11 +35,11 @@ pub(super) type Row = Vec<(usize, f64)>;
 pub(super) fn seen_by(
     hull: &Hull,
     tracer: &dyn Tracer,
-    (receivers, smoothing): (&[Receiver], &Smoothing),
+    compared: &Compared,
     cameras: &[Camera],
     key: RandomKey,
 ) -> Result<Vec<Row>> {
-    let mut rows = traced(hull, tracer, receivers, key)?;
+    let mut rows = traced(hull, tracer, &compared.receivers, key)?;
     leave_out_unknown(&mut rows, hull.num_cells());
     if rows.iter().all(Vec::is_empty) {
         return Ok(rows);
@@ -52,7 +49,11 @@ pub(super) fn seen_by(
         row.retain(|(cell, _)| passed[*cell] <= MAX_PASSED);
     }
     let around = |i: usize| {
-        let near = smoothing.neighbours(i).iter().map(|(j, _)| *j as usize);
+        let near = compared
+            .smoothing
+            .neighbours(i)
+            .iter()
+            .map(|(j, _)| *j as usize);
         mean(&rows, near.chain([i]))
     };
     Ok((0..rows.len()).into_par_iter().map(around).collect())

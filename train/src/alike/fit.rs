@@ -1,22 +1,17 @@
-//! Radiance of unseen cells that makes albedos of one material alike.
+//! Radiance of sources that makes albedos of one material alike.
 //!
-//! A receiver of radiance r, known irradiance over π e and shares mᶜ of its directions in which it
-//! sees cells c has the albedo r / (e + Σ mᶜ xᶜ). Its logarithm should be the same for all receivers
-//! of a surface of one material: x, not negative, is the minimum of a robust sum of squares of
-//! differences from each surface's own mean, and of a weight on the light by which x differs from
-//! what cells are expected to reflect: light that is the same everywhere makes no difference.
-//! Gauss–Newton steps; in each the bounds are kept by coordinate descent (Franc, Hlaváč and Navara
-//! 2005).
+//! A receiver of radiance r, known irradiance over π e and shares mˢ of its light from sources s has
+//! the albedo r / (e + Σ mˢ xˢ). Its logarithm should be the same for all receivers of a surface of
+//! one material: x is the minimum of a robust sum of squares of differences from each surface's own
+//! mean, and of a weight on the light by which x differs from what is expected: light that is the
+//! same everywhere makes no difference. Gauss–Newton steps; in each the bounds are kept by
+//! coordinate descent (Franc, Hlaváč and Navara 2005).
 
-use super::view_factors::Row;
 use nalgebra::{DMatrix, DVector};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Difference of logarithms of albedo from which on differences count linearly: noise is below.
 const SCALE: f64 = 0.15;
-/// Weight of light that is not expected, in parts of the median of what is known. A third and three
-/// times of it change the light found by a tenth.
-const PRIOR: f64 = 3e-3;
 /// Gauss–Newton steps, at most, the least part of the loss that one gains, and halvings of one.
 const STEPS: u32 = 30;
 const LEAST_GAIN: f64 = 1e-4;
@@ -28,41 +23,54 @@ const CONVERGED: f64 = 1e-4;
 /// Rounds in which weights and mean of a surface follow each other.
 const MEAN_ROUNDS: u32 = 6;
 
-/// Light of receivers, in one colour channel, and the cells that they see.
-pub(super) struct Equations<'a> {
-    /// Cells that each sees, and the shares of its directions.
-    pub(super) rows: &'a [Row],
+/// Sources whose light a receiver gets, and its light for a source of 1, ascending by source.
+pub(crate) type Row = Vec<(usize, f64)>;
+
+/// What is expected of a source.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Expected {
+    /// Its radiance.
+    pub(crate) radiance: f64,
+    /// Least and largest radiance that it may have.
+    pub(crate) bounds: [f64; 2],
+    /// Weight of light of it that is not expected, in parts of the median of what is known.
+    pub(crate) weight: f64,
+}
+
+/// Light of receivers, in one colour channel, and the sources that they see.
+pub(crate) struct Equations<'a> {
+    /// Light of sources, `[receivers]`.
+    pub(crate) rows: &'a [Row],
     /// Radiance, positive.
-    pub(super) radiances: &'a [f64],
+    pub(crate) radiances: &'a [f64],
     /// Irradiance over π of all that is known, positive.
-    pub(super) known: &'a [f64],
-    /// Radiance that each cell is expected to have.
-    pub(super) expected: &'a BTreeMap<usize, f64>,
-    /// Cells that may have more.
-    pub(super) may_shine: &'a BTreeSet<usize>,
+    pub(crate) known: &'a [f64],
+    /// What is expected of each source.
+    pub(crate) expected: &'a BTreeMap<usize, Expected>,
     /// Number of the surface of one material that each is of.
-    pub(super) segments: &'a [u32],
+    pub(crate) segments: &'a [u32],
     /// Receivers of a surface that counts, at least.
-    pub(super) least: usize,
+    pub(crate) least: usize,
 }
 
-/// Light of cells.
-pub(super) struct Fit {
-    /// Radiance of each cell.
-    pub(super) x: BTreeMap<usize, f64>,
-    /// Share of all light of the receivers that cells bring beyond what is expected.
-    pub(super) share: f64,
+/// Light of sources.
+pub(crate) struct Fit {
+    /// Radiance of each source.
+    pub(crate) x: BTreeMap<usize, f64>,
+    /// Share of all light of the receivers that sources bring beyond what is expected.
+    pub(crate) share: f64,
     /// Part of the loss of the expected that it takes away.
-    pub(super) explained: f64,
+    pub(crate) explained: f64,
 }
 
-/// Equations of the surfaces that count, and of the cells that are seen, in compact numbers.
+/// Equations of the surfaces that count, and of the sources that are seen, in compact numbers.
 struct Problem {
     rows: Vec<Row>,
     radiances: Vec<f64>,
     known: Vec<f64>,
     expected: DVector<f64>,
-    may_shine: Vec<bool>,
+    /// Least and largest light of each source.
+    bounds: Vec<[f64; 2]>,
     /// Receivers of each surface.
     members: Vec<Vec<usize>>,
     /// Derivative of the weight on light.
@@ -72,15 +80,16 @@ struct Problem {
 }
 
 impl Equations<'_> {
-    /// The light of cells that explains the differences and is nearest to the expected.
-    pub(super) fn fit(&self) -> Fit {
-        let (problem, cells) = self.problem();
+    /// The light of sources that explains the differences and is nearest to the expected.
+    pub(crate) fn fit(&self) -> Fit {
+        let (problem, sources) = self.problem();
         let (x, before, after) = problem.solve();
-        let mut all = self.expected.clone();
-        all.extend(cells.into_iter().zip(x.iter().copied()));
+        let expected = self.expected.iter().map(|(at, of)| (*at, of.radiance));
+        let mut all: BTreeMap<usize, f64> = expected.collect();
+        all.extend(sources.into_iter().zip(x.iter().copied()));
         let beyond = (&x - &problem.expected).map(|more| more.max(0.0));
         let receivers = 0..problem.rows.len();
-        let light = |x: &DVector<f64>| receivers.clone().map(|i| problem.unseen(i, x)).sum::<f64>();
+        let light = |x: &DVector<f64>| receivers.clone().map(|i| problem.light(i, x)).sum::<f64>();
         let known: f64 = problem.known.iter().sum();
         let of = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
         Fit {
@@ -98,15 +107,16 @@ impl Equations<'_> {
         members.retain(|_, members| members.len() >= self.least);
         let mut numbers = BTreeMap::new();
         let kept: Vec<usize> = members.values().flatten().copied().collect();
-        for (cell, _) in kept.iter().flat_map(|&i| &self.rows[i]) {
-            numbers.insert(*cell, 0);
+        for (source, _) in kept.iter().flat_map(|&i| &self.rows[i]) {
+            numbers.insert(*source, 0);
         }
         for (number, of) in numbers.values_mut().enumerate() {
             *of = number;
         }
         let row = |&i: &usize| {
             let row = self.rows[i].iter();
-            row.map(|(cell, share)| (numbers[cell], *share)).collect()
+            row.map(|(source, share)| (numbers[source], *share))
+                .collect()
         };
         let rows: Vec<Row> = kept.iter().map(row).collect();
         let known: Vec<f64> = kept.iter().map(|&i| self.known[i]).collect();
@@ -114,8 +124,11 @@ impl Equations<'_> {
         sorted.sort_unstable_by(f64::total_cmp);
         let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
         let mut prior = vec![0.0; numbers.len()];
-        for (cell, share) in rows.iter().flatten() {
-            prior[*cell] += PRIOR * share / usual;
+        for (source, share) in rows.iter().flatten() {
+            prior[*source] += share / usual;
+        }
+        for (prior, source) in prior.iter_mut().zip(numbers.keys()) {
+            *prior *= self.expected[source].weight;
         }
         let mut first = 0;
         let in_order = members.values().map(|members| {
@@ -127,11 +140,10 @@ impl Equations<'_> {
             radiances: kept.iter().map(|&i| self.radiances[i]).collect(),
             expected: DVector::from_iterator(
                 numbers.len(),
-                numbers.keys().map(|cell| self.expected[cell]),
+                numbers.keys().map(|source| self.expected[source].radiance),
             ),
-            may_shine: numbers
-                .keys()
-                .map(|cell| self.may_shine.contains(cell))
+            bounds: (numbers.keys())
+                .map(|source| self.expected[source].bounds)
                 .collect(),
             rows,
             known,
@@ -143,10 +155,10 @@ impl Equations<'_> {
 }
 
 impl Problem {
-    /// Light of the cells at a receiver.
-    fn unseen(&self, receiver: usize, x: &DVector<f64>) -> f64 {
+    /// Light of the sources at a receiver.
+    fn light(&self, receiver: usize, x: &DVector<f64>) -> f64 {
         let row = self.rows[receiver].iter();
-        row.map(|(cell, share)| share * x[*cell]).sum()
+        row.map(|(source, share)| share * x[*source]).sum()
     }
 
     /// Of each receiver the logarithm of its albedo over the mean of its surface, and its weight;
@@ -161,7 +173,7 @@ impl Problem {
             .map(|(a, off)| a * off)
             .sum();
         for members in &self.members {
-            let log = |&i: &usize| (self.radiances[i] / (self.known[i] + self.unseen(i, x))).ln();
+            let log = |&i: &usize| (self.radiances[i] / (self.known[i] + self.light(i, x))).ln();
             let logs: Vec<f64> = members.iter().map(log).collect();
             let weight = |off: f64| 1.0 / (1.0 + (off / SCALE).powi(2)).sqrt();
             let mut mean = logs.iter().sum::<f64>() / logs.len() as f64;
@@ -181,7 +193,7 @@ impl Problem {
         (all, loss)
     }
 
-    /// The light of cells, and the loss of the expected light and of this.
+    /// The light of sources, and the loss of the expected light and of this.
     fn solve(&self) -> (DVector<f64>, f64, f64) {
         let mut x = self.expected.clone();
         let (mut residuals, before) = self.residuals(&x);
@@ -227,7 +239,7 @@ impl Problem {
             let mut total = 0.0;
             for &i in members {
                 let (off, weight) = residuals[i];
-                let light = self.known[i] + self.unseen(i, x);
+                let light = self.known[i] + self.light(i, x);
                 total += weight;
                 for &(a, share_a) in &self.rows[i] {
                     let by_a = share_a / light;
@@ -243,7 +255,7 @@ impl Problem {
         (squares, slope)
     }
 
-    /// The minimum, without negative numbers, of the loss whose sum of squares has this slope at `x`.
+    /// The minimum, within the bounds, of the loss whose sum of squares has this slope at `x`.
     fn descended(
         &self,
         squares: &DMatrix<f64>,
@@ -253,23 +265,25 @@ impl Problem {
         let (mut goal, mut slope) = (x.clone(), slope.clone());
         for _ in 0..ROUNDS {
             let mut largest = 0.0_f64;
-            for cell in 0..goal.len() {
-                let curvature = squares[(cell, cell)];
+            for source in 0..goal.len() {
+                let curvature = squares[(source, source)];
                 if curvature <= 0.0 {
                     continue;
                 }
-                let free = goal[cell] + slope[cell] / curvature;
-                let (expected, pull) = (self.expected[cell], self.prior[cell] / curvature);
+                let free = goal[source] + slope[source] / curvature;
+                let (expected, pull) = (self.expected[source], self.prior[source] / curvature);
                 // The weight pulls to the expected, and no farther.
-                let moved = match free > expected {
-                    true if self.may_shine[cell] => (free - pull).max(expected),
-                    true => expected,
-                    false => (free + pull).min(expected).max(0.0),
+                let pulled = if free > expected {
+                    (free - pull).max(expected)
+                } else {
+                    (free + pull).min(expected)
                 };
-                let change = moved - goal[cell];
+                let [least, most] = self.bounds[source];
+                let moved = pulled.clamp(least, most);
+                let change = moved - goal[source];
                 if change != 0.0 {
-                    slope.axpy(-change, &squares.column(cell), 1.0);
-                    goal[cell] = moved;
+                    slope.axpy(-change, &squares.column(source), 1.0);
+                    goal[source] = moved;
                     largest = largest.max(change.abs());
                 }
             }

@@ -1,0 +1,75 @@
+//! Surfaces of one material have one albedo wherever they are: by it, light that no view shows is
+//! told from the brightness of what it lights.
+
+mod fit;
+
+pub(crate) use fit::{Expected, Fit, Row};
+
+use crate::irradiance::smooth::Smoothing;
+use crate::segments::Segments;
+use eagpt_scene::Gaussians;
+use eagpt_trace::transport::matrix::Receiver;
+use fit::Equations;
+use glam::Vec3;
+use std::collections::BTreeMap;
+
+/// Receivers that are compared, at most: differences between them are few.
+const MAX_RECEIVERS: usize = 16_384;
+/// Light of single receivers below this part of the mean is noise.
+const DARK: f32 = 0.02;
+/// Receivers of a surface of one material, at least.
+const LEAST_OF_SEGMENT: usize = 30;
+
+/// Receivers that are compared, all of them lit.
+pub(crate) struct Compared {
+    pub(crate) receivers: Vec<Receiver>,
+    /// Radiance, `[receivers]`.
+    pub(crate) radiances: Vec<Vec3>,
+    /// Irradiance over π of all that is known, `[receivers]`.
+    pub(crate) known: Vec<Vec3>,
+    pub(crate) smoothing: Smoothing,
+}
+
+impl Compared {
+    /// Some of the receivers of `received`, the light that `gaussians` get of all that is known.
+    pub(crate) fn new(gaussians: &Gaussians, received: &[(Receiver, Vec3)]) -> Self {
+        let step = received.len().div_ceil(MAX_RECEIVERS).max(1);
+        let radiance = |of: &(Receiver, Vec3)| gaussians.radiances[of.0.0 as usize];
+        let least = |light: &dyn Fn(&(Receiver, Vec3)) -> Vec3| {
+            let sum: Vec3 = received.iter().map(light).sum();
+            DARK * sum.max_element() / received.len() as f32
+        };
+        let (sent, got) = (least(&radiance), least(&|of| of.1));
+        let is_lit =
+            |of: &&(Receiver, Vec3)| radiance(of).min_element() > sent && of.1.min_element() > got;
+        let some: Vec<_> = received.iter().step_by(step).filter(is_lit).collect();
+        let receivers: Vec<Receiver> = some.iter().map(|of| of.0).collect();
+        Self {
+            smoothing: Smoothing::new(&receivers),
+            receivers,
+            radiances: some.iter().map(|of| radiance(of)).collect(),
+            known: some.iter().map(|of| of.1).collect(),
+        }
+    }
+
+    /// The radiance of sources, of each the `expected`, that makes albedos of each of `segments`
+    /// alike in a channel of colour, where receivers have these radiances and this known light, and
+    /// get of sources what `rows` say.
+    pub(crate) fn fit(
+        &self,
+        segments: &Segments,
+        rows: &[Row],
+        [radiances, known]: [&[f64]; 2],
+        expected: &BTreeMap<usize, Expected>,
+    ) -> Fit {
+        let equations = Equations {
+            rows,
+            radiances,
+            known,
+            expected,
+            segments: &segments.of,
+            least: LEAST_OF_SEGMENT,
+        };
+        equations.fit()
+    }
+}

@@ -1,0 +1,67 @@
+//! Lamps become as strong as what they light tells, once the light is known that they bring.
+
+use super::run::Run;
+use crate::backend::Backend;
+use crate::error::Result;
+use crate::lamp_powers::factors;
+use crate::progress::TrainProgress;
+use crate::views::Views;
+use eagpt_scene::LightGroups;
+use eagpt_scene::lamps::{read_lamps, write_lamps};
+use eagpt_scene::light_basis::NO_LIGHT;
+use eagpt_scene::rng::{Purpose, RandomKey};
+use glam::Vec3;
+
+impl Run<'_> {
+    /// Multiplies the light of lamps that send more than views see, in the scene and in the list;
+    /// whether there are any. Light has to be gathered again then. Nothing is done where no lamps
+    /// are listed, or in several lights.
+    pub(super) fn correct_lamps(
+        &mut self,
+        backend: &mut dyn Backend,
+        views: &Views,
+    ) -> Result<bool> {
+        let request = self.request;
+        let path = self.folder.lamps(0);
+        let is_asked_for = request.options.albedo.unseen_light && views.num_lights() == 1;
+        if !is_asked_for || !path.exists() {
+            return Ok(false);
+        }
+        let mut lamps = read_lamps(&path)?;
+        let scene = backend.state()?.gaussians();
+        let Ok(lights) = LightGroups::new(&scene, &lamps) else {
+            return Ok(false);
+        };
+        // Others have their power from what they light already.
+        let is_seen = |name: &String| {
+            let lamp = lamps.named(name);
+            lamp.is_some_and(|lamp| !lamp.views.is_empty())
+        };
+        let seen: Vec<bool> = lights.names.iter().map(is_seen).collect();
+        let tracer = request.device.scene(&scene)?;
+        let key = RandomKey::new(request.options.seed, Purpose::Albedo, 5);
+        let received = backend.gathered(0);
+        let factors = factors((&*tracer, &scene), (&lights, &seen), &received, key)?;
+        let most = factors.iter().copied().fold(1.0, f32::max);
+        if most == 1.0 {
+            return Ok(false);
+        }
+        let stronger = (0..)
+            .zip(&lights.of)
+            .filter(|(_, light)| **light != NO_LIGHT);
+        let stronger = stronger.map(|(i, light)| (i, factors[*light as usize]));
+        backend.brighten(
+            &stronger
+                .filter(|(_, factor)| *factor != 1.0)
+                .collect::<Vec<_>>(),
+        )?;
+        for (name, factor) in lights.names.iter().zip(&factors) {
+            let own = lamps.lamps.iter_mut().filter(|lamp| lamp.name == *name);
+            own.for_each(|lamp| lamp.strengthen(Vec3::splat(*factor)));
+        }
+        write_lamps(&path, &lamps)?;
+        let num = factors.iter().filter(|factor| **factor != 1.0).count();
+        (self.progress)(TrainProgress::LampPowers { num, most });
+        Ok(true)
+    }
+}

@@ -1,0 +1,135 @@
+//! Lamps that send more light than views see.
+//!
+//! Of a bulb in a shade, or in a fixture that is open upwards, cameras see the shade and the edge
+//! of the opening, and a lamp of that radiance is too weak: the walls that it lights would have to
+//! reflect more than others of their material. How much stronger it is, they tell: its factor is
+//! that which makes their albedos alike, in all channels the same, as walls near lamps tell light
+//! better than colour. A lamp is never weaker than what views saw of it.
+
+use crate::alike::{Compared, Expected, Row};
+use crate::error::Result;
+use crate::irradiance::{self, NoisyLight};
+use crate::segments::Segments;
+use eagpt_scene::color::luminance;
+use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Gaussians, LightGroups};
+use eagpt_trace::Tracer;
+use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::transport::light_list::LightList;
+use eagpt_trace::transport::matrix::{Groups, Receiver, Tracing};
+use glam::Vec3;
+
+/// Directions that find the light of each lamp.
+const NUM_SAMPLES: u32 = 256;
+/// A lamp's light at a receiver below this part of all is noise.
+const LEAST_PART: f32 = 1e-4;
+/// Part of the light of a receiver that is known, at least, whatever noise leaves of it.
+const LEAST_KNOWN: f64 = 0.02;
+/// Weight of light that views did not see.
+const WEIGHT: f64 = 1e-3;
+/// A factor up to here may come of other errors; one beyond the second is not believed.
+const LEAST_FACTOR: f32 = 1.15;
+const MOST_FACTOR: f64 = 4.0;
+/// Part of all light that a lamp has to bring as views saw it: that of weaker ones, as of spots in a
+/// shade that are lamps of their own, can be anything.
+const LEAST_SHARE: f64 = 0.01;
+/// Rounds in which factors and surfaces of one material, which are told by albedo, follow each other.
+const NUM_ROUNDS: u32 = 3;
+
+/// The factor, 1 or more, of the light of each of `lights`, in which what emits of `gaussians` is
+/// divided, `[lights]`: of those that are not `seen` it is 1. `received` is the light that Gaussians get of all that is known.
+///
+/// # Errors
+/// If the device fails.
+pub(crate) fn factors(
+    (tracer, gaussians): (&dyn Tracer, &Gaussians),
+    (lights, seen): (&LightGroups, &[bool]),
+    received: &[(Receiver, Vec3)],
+    key: RandomKey,
+) -> Result<Vec<f32>> {
+    let num = lights.names.len();
+    if num == 0 {
+        return Ok(Vec::new());
+    }
+    let compared = Compared::new(gaussians, received);
+    let direct = direct((tracer, gaussians), lights, &compared, key)?;
+    let scalar = |of: &[Vec3]| -> Vec<f64> {
+        let luminances = of.iter().map(|v| luminance(v.to_array()));
+        luminances.map(f64::from).collect()
+    };
+    let (radiances, all) = (scalar(&compared.radiances), scalar(&compared.known));
+    let row = |(lamps, all): (&[Vec3], &f64)| -> Row {
+        let parts = scalar(lamps).into_iter().enumerate();
+        let parts = parts.filter(|(_, part)| *part > f64::from(LEAST_PART) * all);
+        parts.collect()
+    };
+    let rows: Vec<Row> = direct.chunks(num).zip(&all).map(row).collect();
+    let known = rows.iter().zip(&all).map(|(row, all)| {
+        let others: f64 = all - row.iter().map(|(_, part)| part).sum::<f64>();
+        others.max(LEAST_KNOWN * all)
+    });
+    let mut brought = vec![0.0; num];
+    for (lamp, part) in rows.iter().flatten() {
+        brought[*lamp] += part;
+    }
+    let least = LEAST_SHARE * all.iter().sum::<f64>();
+    let expected = seen.iter().enumerate().map(|(lamp, seen)| {
+        let is_free = *seen && brought[lamp] >= least;
+        let most = if is_free { MOST_FACTOR } else { 1.0 };
+        let expected = Expected {
+            radiance: 1.0,
+            bounds: [1.0, most],
+            weight: WEIGHT,
+        };
+        (lamp, expected)
+    });
+    let expected = expected.collect();
+    let known: Vec<f64> = known.collect();
+    let mut factors = vec![1.0; num];
+    for _ in 0..NUM_ROUNDS {
+        // Not by radiance: beside a lamp that differs more than materials do.
+        let albedo = |(i, parts): (usize, &[Vec3])| {
+            let more = parts
+                .iter()
+                .zip(&factors)
+                .map(|(part, f)| *part * (f - 1.0));
+            compared.radiances[i] / (compared.known[i] + more.sum::<Vec3>())
+        };
+        let albedos: Vec<Vec3> = direct.chunks(num).enumerate().map(albedo).collect();
+        let segments = Segments::of_colors(&albedos, &compared.smoothing);
+        let fit = compared.fit(&segments, &rows, [&radiances, &known], &expected);
+        factors = (0..num).map(|lamp| fit.x[&lamp] as f32).collect();
+    }
+    let certain = |factor: f32| if factor < LEAST_FACTOR { 1.0 } else { factor };
+    Ok(factors.into_iter().map(certain).collect())
+}
+
+/// Irradiance over π that compared receivers get straight from each of `lights`, smoothed,
+/// `[receivers, lights]`.
+fn direct(
+    (tracer, gaussians): (&dyn Tracer, &Gaussians),
+    lights: &LightGroups,
+    compared: &Compared,
+    key: RandomKey,
+) -> Result<Vec<Vec3>> {
+    let directions = irradiance::directions(NUM_SAMPLES);
+    let receivers = compared.receivers.as_slice();
+    let matrix = tracer.trace_transport(receivers, directions, key)?;
+    let list = LightList::new(&SurfelSet::new(gaussians));
+    let tracing = Tracing {
+        receivers,
+        directions,
+        key,
+        lights: list.as_ref(),
+    };
+    let num = lights.names.len();
+    let groups = Groups {
+        num,
+        of: &lights.of,
+    };
+    let parts = matrix.direct_of_groups(&tracing, &gaussians.radiances, groups);
+    Ok(NoisyLight::direct(&matrix, directions).smoothed_parts(&compared.smoothing, &parts, num))
+}
+
+#[cfg(test)]
+mod tests;

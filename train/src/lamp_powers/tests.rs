@@ -1,0 +1,90 @@
+use super::*;
+use eagpt_scene::light_basis::NO_LIGHT;
+use eagpt_scene::rng::Purpose;
+use eagpt_testkit::gaussians::{cube, material};
+use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::transport::start::Surface;
+
+const ALBEDO: f32 = 0.6;
+
+fn key(number: u32) -> RandomKey {
+    RandomKey::new(5, Purpose::Albedo, number)
+}
+
+/// Factors of two lamps in a white cube of half edge 1, in its ceiling and in a wall, that send
+/// `true_factors` of what their discs do; there is other light, too.
+fn found(true_factors: [f32; 2], seen: [bool; 2]) -> Vec<f32> {
+    let room: Gaussians =
+        (cube(1.0, 0.05, |_| material(Vec3::ZERO, 0.0, Vec3::ONE)).into_iter()).collect();
+    let mut gaussians = room.clone();
+    let lamp_at = |p: Vec3| match p {
+        p if p.z > 0.99 && p.truncate().length() < 0.15 => 0,
+        p if p.x > 0.99 && p.distance(Vec3::new(1.0, 0.4, 0.3)) < 0.15 => 1,
+        _ => NO_LIGHT,
+    };
+    let of: Vec<u32> = gaussians.positions.iter().map(|p| lamp_at(*p)).collect();
+    let lit = |light: u32| {
+        let mut scene = room.clone();
+        for (i, _) in of.iter().enumerate().filter(|(_, of)| **of == light) {
+            (scene.radiances[i], scene.emissions[i]) = (Vec3::new(20.0, 15.0, 10.0), 1.0);
+        }
+        scene
+    };
+    let receivers: Vec<Receiver> = (gaussians.iter().zip(0..))
+        .filter(|(_, i)| of[*i as usize] == NO_LIGHT)
+        .map(|(disc, i)| {
+            let place = disc.position;
+            let outwards = (place / place.abs().max_element()).trunc();
+            let surface = Surface {
+                position: place,
+                normal: -outwards.normalize(),
+                offset: 0.03,
+            };
+            (i, surface)
+        })
+        .collect();
+    let parts = [0, 1].map(|lamp| {
+        let scene = lit(lamp);
+        let dark = vec![Vec3::ZERO; scene.len()];
+        let tracer = CpuScene::new(&scene);
+        irradiance::received(&tracer, &receivers, &dark, (512, key(1))).unwrap()
+    });
+    let mut received = Vec::new();
+    for (at, receiver) in receivers.into_iter().enumerate() {
+        let others = Vec3::splat(0.5 + 0.2 * receiver.1.position.y);
+        let light =
+            |factors: [f32; 2]| others + parts[0][at] * factors[0] + parts[1][at] * factors[1];
+        gaussians.radiances[receiver.0 as usize] = ALBEDO * light(true_factors);
+        received.push((receiver, light([1.0, 1.0])));
+    }
+    for lamp in [0, 1] {
+        let lit = lit(lamp);
+        for i in (0..of.len()).filter(|&i| of[i] == lamp) {
+            (gaussians.radiances[i], gaussians.emissions[i]) = (lit.radiances[i], 1.0);
+        }
+    }
+    let lights = LightGroups {
+        names: ["ceiling-1", "wall-1"].map(str::to_owned).to_vec(),
+        of,
+    };
+    let tracer = CpuScene::new(&gaussians);
+    factors((&tracer, &gaussians), (&lights, &seen), &received, key(2)).unwrap()
+}
+
+#[test]
+fn walls_tell_how_much_stronger_lamps_are() {
+    for expected in [[2.0, 1.0], [1.0, 3.0], [1.6, 2.4]] {
+        let found = found(expected, [true; 2]);
+        for (found, expected) in found.iter().zip(expected) {
+            // The weight on light takes little, noise of the light of single receivers the rest.
+            assert!((found / expected - 1.0).abs() < 0.1, "{found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn lamps_are_no_weaker_than_views_saw_and_others_stay() {
+    assert_eq!(found([1.0, 1.0], [true; 2]), [1.0, 1.0]);
+    assert_eq!(found([0.5, 1.0], [true; 2]), [1.0, 1.0]);
+    assert_eq!(found([1.0, 3.0], [true, false])[1], 1.0);
+}
