@@ -2,6 +2,8 @@
 //! told from the brightness of what it lights.
 
 mod fit;
+#[cfg(test)]
+pub(crate) mod testing;
 
 pub(crate) use fit::{Expected, Fit, Row};
 

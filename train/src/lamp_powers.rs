@@ -30,14 +30,16 @@ const WEIGHT: f64 = 1e-3;
 /// A factor up to here may come of other errors; one beyond the second is not believed.
 const LEAST_FACTOR: f32 = 1.15;
 const MOST_FACTOR: f64 = 4.0;
-/// Part of all light that a lamp has to bring as views saw it: that of weaker ones, as of spots in a
-/// shade that are lamps of their own, can be anything.
+/// Part of all light that a lamp has to bring as views saw it: that of weaker ones, as of spots in
+/// a shade that are lamps of their own, can be anything.
 const LEAST_SHARE: f64 = 0.01;
-/// Rounds in which factors and surfaces of one material, which are told by albedo, follow each other.
+/// Rounds in which factors and surfaces of one material, which are told by albedo, follow each
+/// other.
 const NUM_ROUNDS: u32 = 3;
 
 /// The factor, 1 or more, of the light of each of `lights`, in which what emits of `gaussians` is
-/// divided, `[lights]`: of those that are not `seen` it is 1. `received` is the light that Gaussians get of all that is known.
+/// divided, `[lights]`: of those that are not `seen` it is 1. `received` is the light that
+/// Gaussians get of all that is known.
 ///
 /// # Errors
 /// If the device fails.
@@ -64,10 +66,11 @@ pub(crate) fn factors(
         parts.collect()
     };
     let rows: Vec<Row> = direct.chunks(num).zip(&all).map(row).collect();
-    let known = rows.iter().zip(&all).map(|(row, all)| {
-        let others: f64 = all - row.iter().map(|(_, part)| part).sum::<f64>();
+    let known = |(row, all): (&Row, &f64)| {
+        let others = all - row.iter().map(|(_, part)| part).sum::<f64>();
         others.max(LEAST_KNOWN * all)
-    });
+    };
+    let known: Vec<f64> = rows.iter().zip(&all).map(known).collect();
     let mut brought = vec![0.0; num];
     for (lamp, part) in rows.iter().flatten() {
         brought[*lamp] += part;
@@ -84,15 +87,11 @@ pub(crate) fn factors(
         (lamp, expected)
     });
     let expected = expected.collect();
-    let known: Vec<f64> = known.collect();
     let mut factors = vec![1.0; num];
     for _ in 0..NUM_ROUNDS {
         // Not by radiance: beside a lamp that differs more than materials do.
         let albedo = |(i, parts): (usize, &[Vec3])| {
-            let more = parts
-                .iter()
-                .zip(&factors)
-                .map(|(part, f)| *part * (f - 1.0));
+            let more = (parts.iter().zip(&factors)).map(|(part, f)| *part * (f - 1.0));
             compared.radiances[i] / (compared.known[i] + more.sum::<Vec3>())
         };
         let albedos: Vec<Vec3> = direct.chunks(num).enumerate().map(albedo).collect();

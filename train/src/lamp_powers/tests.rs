@@ -1,9 +1,9 @@
 use super::*;
+use crate::alike::testing::in_cube;
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::Purpose;
 use eagpt_testkit::gaussians::{cube, material};
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::transport::start::Surface;
 
 const ALBEDO: f32 = 0.6;
 
@@ -32,16 +32,7 @@ fn found(true_factors: [f32; 2], seen: [bool; 2]) -> Vec<f32> {
     };
     let receivers: Vec<Receiver> = (gaussians.iter().zip(0..))
         .filter(|(_, i)| of[*i as usize] == NO_LIGHT)
-        .map(|(disc, i)| {
-            let place = disc.position;
-            let outwards = (place / place.abs().max_element()).trunc();
-            let surface = Surface {
-                position: place,
-                normal: -outwards.normalize(),
-                offset: 0.03,
-            };
-            (i, surface)
-        })
+        .map(|(disc, i)| in_cube(&disc, i))
         .collect();
     let parts = [0, 1].map(|lamp| {
         let scene = lit(lamp);

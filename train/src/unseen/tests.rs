@@ -1,9 +1,9 @@
 use super::*;
+use crate::alike::testing::in_cube;
 use eagpt_scene::lamps::Lamp;
 use eagpt_scene::rng::Purpose;
 use eagpt_testkit::gaussians::{cube, material};
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::transport::start::Surface;
 use hull::Cell;
 use std::f32::consts::{PI, TAU};
 
@@ -17,16 +17,7 @@ fn open_room() -> (Gaussians, Vec<Receiver>, Vec<f32>) {
     let walls = cube(1.0, 0.05, white).into_iter();
     let gaussians: Gaussians = walls.filter(|disc| !is_hole(disc.position)).collect();
     let receivers: Vec<Receiver> = (gaussians.iter().zip(0..))
-        .map(|(disc, i)| {
-            let place = disc.position;
-            let outwards = (place / place.abs().max_element()).trunc();
-            let surface = Surface {
-                position: place,
-                normal: -outwards.normalize(),
-                offset: 0.03,
-            };
-            (i, surface)
-        })
+        .map(|(disc, i)| in_cube(&disc, i))
         .collect();
     let known = receivers
         .iter()
