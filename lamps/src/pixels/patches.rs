@@ -17,7 +17,7 @@ const HIDDEN_SHARE: f32 = 0.01;
 /// Pixels of a view whose distances are compared, about.
 const MAX_DISTANCES: usize = 16;
 /// Pixels of a view that a fit compares: at the border of a lamp, and others.
-const MAX_TARGETS: [usize; 2] = [240, 160];
+const MAX_TARGETS: [usize; 2] = [600, 500];
 
 /// A pixel as a fit wants it.
 pub(crate) struct Target {
