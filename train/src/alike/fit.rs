@@ -26,7 +26,7 @@ const MEAN_ROUNDS: u32 = 6;
 /// Sources whose light a receiver gets, and its light for a source of 1, ascending by source.
 pub(crate) type Row = Vec<(usize, f64)>;
 
-/// What is expected of a source.
+/// Light that a source is expected to have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Expected {
     /// Its radiance.
@@ -38,19 +38,19 @@ pub(crate) struct Expected {
 }
 
 /// Light of receivers, in one colour channel, and the sources that they see.
-pub(crate) struct Equations<'a> {
+pub(super) struct Equations<'a> {
     /// Light of sources, `[receivers]`.
-    pub(crate) rows: &'a [Row],
+    pub(super) rows: &'a [Row],
     /// Radiance, positive.
-    pub(crate) radiances: &'a [f64],
+    pub(super) radiances: &'a [f64],
     /// Irradiance over π of all that is known, positive.
-    pub(crate) known: &'a [f64],
-    /// What is expected of each source.
-    pub(crate) expected: &'a BTreeMap<usize, Expected>,
+    pub(super) known: &'a [f64],
+    /// Light that each source is expected to have.
+    pub(super) expected: &'a BTreeMap<usize, Expected>,
     /// Number of the surface of one material that each is of.
-    pub(crate) segments: &'a [u32],
+    pub(super) segments: &'a [u32],
     /// Receivers of a surface that counts, at least.
-    pub(crate) least: usize,
+    pub(super) least: usize,
 }
 
 /// Light of sources.
@@ -81,7 +81,7 @@ struct Problem {
 
 impl Equations<'_> {
     /// The light of sources that explains the differences and is nearest to the expected.
-    pub(crate) fn fit(&self) -> Fit {
+    pub(super) fn fit(&self) -> Fit {
         let (problem, sources) = self.problem();
         let (x, before, after) = problem.solve();
         let expected = self.expected.iter().map(|(at, of)| (*at, of.radiance));

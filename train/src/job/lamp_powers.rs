@@ -6,10 +6,10 @@ use crate::error::Result;
 use crate::lamp_powers::factors;
 use crate::progress::TrainProgress;
 use crate::views::Views;
-use eagpt_scene::LightGroups;
 use eagpt_scene::lamps::{read_lamps, write_lamps};
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{LightGroups, SceneError};
 use glam::Vec3;
 
 impl Run<'_> {
@@ -29,9 +29,8 @@ impl Run<'_> {
         }
         let mut lamps = read_lamps(&path)?;
         let scene = backend.state()?.gaussians();
-        let Ok(lights) = LightGroups::new(&scene, &lamps) else {
-            return Ok(false);
-        };
+        let lights = LightGroups::new(&scene, &lamps)
+            .map_err(|problem| SceneError::invalid(&path, "name", problem))?;
         // Others have their power from what they light already.
         let is_seen = |name: &String| {
             let lamp = lamps.named(name);
@@ -46,15 +45,12 @@ impl Run<'_> {
         if most == 1.0 {
             return Ok(false);
         }
-        let stronger = (0..)
-            .zip(&lights.of)
-            .filter(|(_, light)| **light != NO_LIGHT);
-        let stronger = stronger.map(|(i, light)| (i, factors[*light as usize]));
-        backend.brighten(
-            &stronger
-                .filter(|(_, factor)| *factor != 1.0)
-                .collect::<Vec<_>>(),
-        )?;
+        let emitting = (0..).zip(&lights.of).filter(|(_, of)| **of != NO_LIGHT);
+        let stronger: Vec<(usize, f32)> = emitting
+            .map(|(i, of)| (i, factors[*of as usize]))
+            .filter(|(_, factor)| *factor != 1.0)
+            .collect();
+        backend.brighten(&stronger)?;
         for (name, factor) in lights.names.iter().zip(&factors) {
             let own = lamps.lamps.iter_mut().filter(|lamp| lamp.name == *name);
             own.for_each(|lamp| lamp.strengthen(Vec3::splat(*factor)));

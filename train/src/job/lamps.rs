@@ -128,6 +128,7 @@ fn only_masked(list: &Path) -> Result<Lamps> {
     lamps.lamps.retain(|lamp| lamp.num_pixels > 0);
     for lamp in &mut lamps.lamps {
         lamp.strengthen(Vec3::from(lamp.factor).recip());
+        lamp.factor = [1.0; 3];
     }
     if lamps != all {
         write_lamps(list, &lamps)?;
@@ -202,5 +203,28 @@ mod tests {
         let kept = only_masked(&path).unwrap();
         assert_eq!(kept.names().collect::<Vec<_>>(), ["ball-1"]);
         assert_eq!(read_lamps(&path).unwrap(), kept);
+    }
+
+    #[test]
+    fn lamps_are_as_views_measured_them_when_a_run_is_taken_up() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("lamps.json");
+        let measured = boxed("ball-1", [0.0; 3], [0.3; 3]);
+        let mut stronger = measured.clone();
+        stronger.strengthen(Vec3::splat(1.5));
+        assert_ne!(stronger.power, measured.power);
+        let lamps = vec![stronger];
+        write_lamps(&path, &Lamps { lamps }).unwrap();
+        let [kept] = &only_masked(&path).unwrap().lamps[..] else {
+            panic!("not one lamp");
+        };
+        assert_eq!(kept.factor, [1.0; 3]);
+        for (kept, measured) in [
+            (kept.radiance, measured.radiance),
+            (kept.power, measured.power),
+        ] {
+            // Two roundings.
+            assert!(Vec3::from(kept).abs_diff_eq(measured.into(), 2.0 * f32::EPSILON));
+        }
     }
 }

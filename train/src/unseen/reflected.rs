@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 
 /// Directions from which the light that a cell gets is gathered.
 const NUM_SAMPLES: u32 = 256;
-/// What is this near to a face, in parts of the box's length there, and faces as it does (cosine),
-/// is part of it; share of receivers that tell its albedo, at least.
+/// A surface this near to a face, in parts of the box's length there, that faces as it does
+/// (cosine) is part of it; share of receivers that tell its albedo, at least.
 const NEAR_FACE: f32 = 0.1;
 const FACING: f32 = 0.9;
 const LEAST_OF_FACE: f32 = 0.005;
