@@ -53,8 +53,12 @@ impl Candidate {
     }
 }
 
-/// The groups of lit pixels that a shape explains.
-pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
+/// The groups of lit pixels that a shape explains; `progress` is told how many are done, of how many.
+pub(crate) fn explained(
+    evidence: &Evidence,
+    up: Vec3,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Vec<Candidate> {
     let groups = bearings::joined(evidence, grouping::group(evidence));
     let mut groups = windows::joined(evidence, &groups, up);
     // Where most views show a lamp its place is known best, and others may show parts of it that
@@ -68,7 +72,9 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     });
     let mut found: Vec<Candidate> = Vec::new();
     let mut unexplained = Vec::new();
-    for (all, window) in groups {
+    let total = groups.len();
+    for (done, (all, window)) in groups.into_iter().enumerate() {
+        progress(done, total);
         let mut lights = all.by_light(evidence);
         lights.retain(|(_, group)| group.is_enough());
         // Of equal ones the first: the sort is stable.
@@ -103,6 +109,7 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             found.extend(candidate(evidence, (light, group), fit, others));
         }
     }
+    progress(total, total);
     let of_make = of_make(evidence, unexplained, &found, up);
     found.extend(of_make);
     without_repeated(evidence, found)

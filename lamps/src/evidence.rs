@@ -2,15 +2,18 @@
 //! where the trained scene has them.
 
 pub(crate) mod level;
+mod runs;
 mod segments;
 mod thin;
 
+use crate::shape::meet::Rays;
 use eagpt_masks::{Mask, Region};
 use eagpt_scene::camera::RayFrame;
 use eagpt_scene::{Camera, Image, View};
 use eagpt_trace::features::GBuffer;
 use glam::Vec3;
 use level::{Level, neighbourhood};
+use runs::Run;
 use segments::divided;
 use std::collections::HashMap;
 
@@ -82,6 +85,7 @@ pub(crate) struct Sight {
     pub(crate) frame: RayFrame,
     /// Row by row.
     pub(crate) pixels: Vec<Pixel>,
+    runs: Vec<Run>,
     /// Radiance of each region of lit pixels.
     pub(crate) levels: Vec<Level>,
 }
@@ -110,6 +114,13 @@ impl Sight {
     /// Unit direction through a place in a pixel, 0 to 1 from its upper left corner.
     pub(crate) fn direction(&self, pixel: &Pixel, x: f32, y: f32) -> Vec3 {
         self.frame.direction(pixel.x as f32 + x, pixel.y as f32 + y)
+    }
+
+    /// Rays through `places` in a pixel, 0 to 1 from its upper left corner.
+    #[inline(always)]
+    pub(crate) fn rays<const N: usize>(&self, pixel: &Pixel, places: &[[f32; 2]; N]) -> Rays<N> {
+        let (left, top) = (pixel.x as f32, pixel.y as f32);
+        Rays::through(&self.frame, places.map(|[x, y]| [left + x, top + y]))
     }
 
     /// Unit directions through the middles of `num` × `num` equal parts of a pixel.
@@ -237,6 +248,7 @@ impl Evidence {
             light,
             camera: view.camera,
             frame,
+            runs: Run::all(&pixels),
             pixels,
             levels,
         });

@@ -66,6 +66,17 @@ fn shows_edges(evidence: &Evidence, group: &Group) -> bool {
 /// Fits the lamp of `group`, `up` being the unit vector upwards; `None` where its pixels have no
 /// extent.
 pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
+    fitted(evidence, group, up, true)
+}
+
+/// The shape of the lamp of `group`, as [`fit`], by silhouettes alone: for a search among others,
+/// which knows no more, to begin with.
+pub(crate) fn by_silhouettes(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Shape> {
+    Some(fitted(evidence, group, up, false)?.shape)
+}
+
+/// The fit of the lamp of `group`, with the flux of views if `by_flux`.
+fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option<Fit> {
     let mut points = points(evidence, group);
     let (mut centre, mut extent) = points::extent(&points)?;
     if let Some(met) = bearings::elsewhere(evidence, group, centre) {
@@ -134,7 +145,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     }
     fits.sort_by(Scored::order);
     let mut best = fits.first()?.fit;
-    if best.is_clean(group) && !is_wide {
+    if by_flux && best.is_clean(group) && !is_wide {
         let bar = fits
             .iter()
             .find_map(|found| boxes::bar(&found.fit.shape, up));

@@ -83,7 +83,7 @@ fn in_light(lamp: &[(usize, Lamp)], light: usize) -> Option<&Lamp> {
 }
 
 /// Finds the lamps that views show in the scene of `gaussians`, which `tracer` traces; `up` is the
-/// unit vector upwards.
+/// unit vector upwards. `progress` is told how many groups of lit pixels are fitted, of how many.
 ///
 /// # Errors
 /// If the device fails.
@@ -92,8 +92,9 @@ pub fn find(
     gaussians: &Gaussians,
     up: Vec3,
     tracer: &dyn Tracer,
+    progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Found, TraceError> {
-    let mut all = explained(evidence, up);
+    let mut all = explained(evidence, up, progress);
     alike::share_shapes(evidence, &mut all);
     let mut candidates = Vec::new();
     for candidate in all {

@@ -5,11 +5,11 @@
 mod lines;
 
 use crate::evidence::Evidence;
-use crate::fit::fit;
+use crate::fit::by_silhouettes;
 use crate::fit::shape_search::{BETTER, Fit, MIN_RESIDUAL};
 use crate::group::Group;
 use crate::group::points::{extent, points, points_at};
-use crate::pixels::patches::{Patch, patches};
+use crate::pixels::patches::{Patch, coarse, patches};
 use crate::pixels::silhouette::{Gaps, Silhouette, residual};
 use crate::shape::Shape;
 use crate::shape::search::best_shape;
@@ -85,7 +85,7 @@ fn shown_apart(
         return None;
     }
     let (centre, size) = extent(&points(evidence, group))?;
-    let seen = patches(evidence, group, centre, size);
+    let seen = coarse(&patches(evidence, group, centre, size));
     let regions = group.in_most_regions(evidence)?;
     let balls = regions.iter().map(|region| {
         let points = points(evidence, region).into_iter();
@@ -97,7 +97,7 @@ fn shown_apart(
     }
     let shapes = groups
         .iter()
-        .map(|group| Some(fit(evidence, group, up)?.shape));
+        .map(|group| by_silhouettes(evidence, group, up));
     let (residual, shapes) = fitted(shapes.collect::<Option<Vec<_>>>()?, &seen);
     let of_whole = residual_of(&[whole.shape], &seen);
     let is_better = residual + MIN_RESIDUAL < BETTER * (of_whole + MIN_RESIDUAL);
@@ -113,7 +113,7 @@ fn touching(
     up: Vec3,
 ) -> Option<Vec<(Group, Fit)>> {
     let (centre, size) = extent(&points(evidence, group))?;
-    let seen = patches(evidence, group, centre, size);
+    let seen = coarse(&patches(evidence, group, centre, size));
     let of_whole = residual_of(&[whole.shape], &seen);
     let (mut residual, mut shapes) = balls(evidence, group, centre, of_whole, &seen)?;
     let groups = among(evidence, group, &shapes);
@@ -121,7 +121,7 @@ fn touching(
         return None;
     }
     for (at, group) in groups.iter().enumerate() {
-        let (other, of_other) = refined(&fit(evidence, group, up)?.shape, at, &shapes, &seen);
+        let (other, of_other) = refined(&by_silhouettes(evidence, group, up)?, at, &shapes, &seen);
         if of_other + MIN_RESIDUAL < BETTER * (residual + MIN_RESIDUAL) {
             (shapes[at], residual) = (other, of_other);
         }
@@ -136,7 +136,7 @@ fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
         return None;
     }
     let (centre, size) = extent(&points(evidence, group))?;
-    let seen = patches(evidence, group, centre, size);
+    let seen = coarse(&patches(evidence, group, centre, size));
     let those = |group: &Group, are_those: &[bool]| {
         let of: Vec<usize> = are_those.iter().map(|is| usize::from(!is)).collect();
         group.divided(&of, 1).remove(0)
@@ -150,7 +150,7 @@ fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
         if !piece.is_enough() {
             return None;
         }
-        shapes.push(fit(evidence, &piece, up)?.shape);
+        shapes.push(by_silhouettes(evidence, &piece, up)?);
         (residual, shapes) = fitted(shapes, &seen);
     }
     let is_explained = residual <= EXPLAINED && shapes.len() > 1;

@@ -36,7 +36,7 @@ fn found(strips: &[Shape], eyes: &[(DVec3, DVec3)]) -> Vec<Lamp> {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph_all(i, camera, &shining, &[]), 0, &seen);
     }
-    let found = find(&evidence, &scene, Vec3::Z, &*tracer).unwrap();
+    let found = find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
     found.lamps.lamps
 }
 

@@ -41,7 +41,7 @@ fn found_lit(
         done(&mut view);
         evidence.add(&view, 0, &seen);
     }
-    find(&evidence, &scene, Vec3::Z, &*tracer)
+    find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ())
         .unwrap()
         .lamps
         .lamps

@@ -53,7 +53,7 @@ fn found_behind(scene: &Gaussians, lamps: &[Shape], hides: &[Shape], up: &[Camer
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph_all(i, camera, &lamps, hides), 0, &seen);
     }
-    let found = find(&evidence, scene, Vec3::Z, &*tracer).unwrap();
+    let found = find(&evidence, scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
     found.lamps.lamps
 }
 

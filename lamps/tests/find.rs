@@ -22,7 +22,7 @@ fn found(lamp: &Shape, scene: &Gaussians) -> Found {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, lamp, &[]), 0, &seen);
     }
-    find(&evidence, scene, Vec3::Z, &*tracer).unwrap()
+    find(&evidence, scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap()
 }
 
 /// A flat square of 5 cm discs of this opacity.
@@ -148,7 +148,14 @@ fn round_and_long_lamps_have_their_power() {
 fn where_no_mask_shows_a_lamp_nothing_changes() {
     let scene = room();
     let tracer = Device::Cpu.scene(&scene).unwrap();
-    let found = find(&Evidence::default(), &scene, Vec3::Z, &*tracer).unwrap();
+    let found = find(
+        &Evidence::default(),
+        &scene,
+        Vec3::Z,
+        &*tracer,
+        &mut |_, _| (),
+    )
+    .unwrap();
     assert!(found.lamps.lamps.is_empty());
     assert_eq!(found.edit, SceneEdit::nothing(scene.len()));
     assert_eq!(found.edit.applied(&scene), scene);

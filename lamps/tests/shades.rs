@@ -54,7 +54,7 @@ fn a_bulb_in_a_shade_has_the_power_of_a_whole_ball() {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, &bulb, &shade), 0, &seen);
     }
-    let found = find(&evidence, &scene, Vec3::Z, &*tracer).unwrap();
+    let found = find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
     let [lamp] = found.lamps.lamps.as_slice() else {
         panic!("{:?}", found.lamps);
     };

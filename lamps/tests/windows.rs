@@ -31,7 +31,7 @@ fn found(lamp: &Shape, bars: &[Shape], num_lit: usize, scene: &Gaussians) -> Fou
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, shown, bars), 0, &seen);
     }
-    find(&evidence, scene, Vec3::Z, &*tracer).unwrap()
+    find(&evidence, scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap()
 }
 
 /// Checks the lamp that is found behind bars of this width, scene units.

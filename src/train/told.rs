@@ -18,6 +18,10 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
             let task = ("gathering light", "Gaussians");
             return reporter.count(task, (*done, *total), message);
         }
+        TrainProgress::FittingLamps { done, total } => {
+            let task = ("fitting lamps", "groups of pixels");
+            return reporter.count(task, (*done, *total), message);
+        }
         TrainProgress::OwnLight { step } => return tell_own_light(reporter, step, message),
         TrainProgress::StageStarted {
             stage,
@@ -33,10 +37,14 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
             ));
         }
         TrainProgress::Iteration {
-            iteration, loss, ..
+            stage,
+            iteration,
+            total,
+            loss,
         } => {
-            reporter.advance((*iteration).into(), || format!("loss {loss:.4}"));
-            return reporter.step_message((*iteration).into(), message);
+            let steps = (*iteration as usize, *total as usize);
+            let note = || format!("loss {loss:.4}");
+            return reporter.count_with((stage.name(), "iterations"), steps, note, message);
         }
         TrainProgress::Densified {
             iteration,

@@ -69,6 +69,13 @@ pub enum TrainProgress {
         #[serde(skip)]
         scene: Arc<Gaussians>,
     },
+    /// Shapes of lamps are fitted to what views show.
+    FittingLamps {
+        /// Groups of lit pixels done.
+        done: usize,
+        /// Groups in all.
+        total: usize,
+    },
     /// Emitters became clean lamps.
     Lamps {
         /// Iteration.

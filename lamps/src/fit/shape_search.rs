@@ -4,7 +4,7 @@ use crate::fit::flatness::{self, is_rather_flat};
 use crate::fit::halo::Beside;
 use crate::group::Group;
 use crate::pixels::measure;
-use crate::pixels::patches::Patch;
+use crate::pixels::patches::{Patch, coarse};
 use crate::pixels::silhouette::{Gaps, Silhouette, differences, residual};
 use crate::shape::search::{best_shape, descent};
 use crate::shape::{Flat, Shape};
@@ -36,6 +36,8 @@ const LITTLE: f32 = 0.6;
 /// and of one that views are to agree on.
 const NUM_STEPS: usize = 15;
 const NUM_TRIALS: usize = 500;
+/// Shapes whose search goes on among all pixels.
+const NUM_FINE: usize = 3;
 const NUM_AGREED: usize = 150;
 /// Steps, in widths of a pixel, and their number, by which a search begins nearer and farther.
 const FARTHER_PIXELS: f32 = 2.0;
@@ -119,6 +121,8 @@ impl Criterion {
 /// A lamp that shapes are to explain.
 pub(crate) struct ShapeSearch<'a> {
     patches: &'a [Patch],
+    /// The same by fewer pixels.
+    coarse: Vec<Patch>,
     /// Places of the cameras of these.
     eyes: Vec<Vec3>,
     views: measure::Views<'a>,
@@ -141,6 +145,7 @@ impl<'a> ShapeSearch<'a> {
     ) -> Self {
         Self {
             patches,
+            coarse: coarse(patches),
             eyes: patches.iter().map(|patch| patch.origin).collect(),
             views,
             width,
@@ -153,17 +158,27 @@ impl<'a> ShapeSearch<'a> {
     /// at most `num` of them, the best first.
     pub(crate) fn best(&self, starts: &[(Shape, bool)], num: usize) -> Vec<Scored> {
         let first = starts.par_iter().map(|(start, is_upright)| {
-            let fit = descended(start, *is_upright, self.width, self.patches);
+            let fit = descended(start, *is_upright, self.width, &self.coarse);
             (fit, *is_upright)
         });
         let mut promising = self.ranked(first.collect(), false);
         promising.truncate(num);
-        let refined = promising.into_par_iter().map(|found| {
+        let rough = promising.into_par_iter().map(|found| {
             let is_upright = found.is_upright;
-            let fit = refined_again(&found.fit.shape, is_upright, self.patches, Gaps::Seen);
+            let rough = refined(&found.fit.shape, is_upright, &self.coarse, Gaps::Seen);
+            (Fit::new(rough.shape, self.patches, Gaps::Seen), is_upright)
+        });
+        let mut rough = self.ranked(rough.collect(), false);
+        let others = rough.split_off(NUM_FINE.min(rough.len()));
+        let fine = rough.into_par_iter().map(|found| {
+            let is_upright = found.is_upright;
+            let fit = refined(&found.fit.shape, is_upright, self.patches, Gaps::Seen);
             (fit, is_upright)
         });
-        self.ranked(refined.collect(), false)
+        let mut found = self.ranked(fine.collect(), false);
+        found.extend(others);
+        found.sort_by(Scored::order);
+        found
     }
 
     /// Shapes that look alike from the middle of the cameras, nearer and farther: silhouettes of

@@ -5,15 +5,18 @@ use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::group::Group;
 use crate::pixels::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
-use crate::shape::meet::ShapeFrom;
+use crate::shape::meet::{NOWHERE, ShapeFrom};
 use eagpt_scene::color::luminance;
 use eagpt_scene::median::{median_of, weighted_median};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashSet;
 
-/// Rays along each axis of a pixel.
-const RAYS: u32 = 4;
+/// Rays along each axis of a pixel, …
+const RAYS: usize = 4;
+/// … and along each axis of that and of its neighbours, to their middles.
+const RAYS_AROUND: usize = 7;
+const CORNERS: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
 /// Part of a lamp's solid angle that may be hidden, or beyond the edge of the picture, in a view
 /// that measures it.
 const MAX_HIDDEN: f32 = 0.05;
@@ -64,10 +67,10 @@ pub(crate) struct Views<'a> {
 /// A view that shows a lamp.
 struct View<'a> {
     sight: &'a Sight,
-    /// Numbers of the lamp's pixels, …
-    own: HashSet<u32>,
-    /// … and places of these and of their neighbours.
-    around: HashSet<[u32; 2]>,
+    /// Which pixels are the lamp's, …
+    own: Vec<bool>,
+    /// … and which are these or their neighbours.
+    around: Vec<bool>,
     level: Level,
 }
 
@@ -76,11 +79,16 @@ impl<'a> Views<'a> {
     pub(crate) fn new(evidence: &'a Evidence, group: &Group) -> Self {
         let view = |(view, own): (usize, HashSet<u32>)| {
             let sight = &evidence.sights[view];
+            let around = around(sight, &own);
+            let is_around = |pixel: &Pixel| around.contains(&[pixel.x, pixel.y]);
             View {
                 sight,
-                around: around(sight, &own),
+                own: (0..)
+                    .zip(&sight.pixels)
+                    .map(|(i, _)| own.contains(&i))
+                    .collect(),
+                around: sight.pixels.iter().map(is_around).collect(),
                 level: group.level(sight.light),
-                own,
             }
         };
         let best = group.best_views(MAX_VIEWS).into_par_iter();
@@ -209,31 +217,28 @@ impl View<'_> {
             hidden: 0.0,
         };
         let seen = ShapeFrom::new(shape, sight.origin());
-        let meet = |direction: Vec3| seen.meet(direction);
         let away = AWAY_PIXELS * sight.pixel_width();
+        let inside: [[f32; 2]; RAYS * RAYS] = places(RAYS, 0.5 / RAYS as f32, 1.0 / RAYS as f32);
+        let around: [[f32; 2]; RAYS_AROUND * RAYS_AROUND] = places(RAYS_AROUND, -1.0, 0.5);
         // A pixel of its own that is nowhere near it shows a lamp that touches it.
         let is_near = |pixel: &Pixel| {
-            let places = [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0];
-            let rows = places.into_iter().flat_map(|y| places.map(|x| (x, y)));
-            let mut directions = rows.map(|(x, y)| sight.direction(pixel, x, y));
-            directions.any(|direction| meet(direction).is_some())
+            let met = seen.meet_all(&sight.rays(pixel, &around));
+            met.iter().any(|distance| *distance < NOWHERE)
         };
-        for (i, pixel) in (0_u32..).zip(&sight.pixels) {
-            if !seen.is_near(pixel.direction, away) {
-                continue;
-            }
-            let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
-                .map(|(x, y)| meet(sight.direction(pixel, x, y)));
-            let farthest = corners.into_iter().flatten().fold(0.0, f32::max);
-            let num_corners = corners.iter().flatten().count();
+        let num_met = |met: &[f32]| met.iter().filter(|distance| **distance < NOWHERE).count();
+        for (i, pixel) in sight.near(&seen, away) {
+            let corners = seen.meet_all(&sight.rays(pixel, &CORNERS));
+            let met = corners.iter().filter(|distance| **distance < NOWHERE);
+            let farthest = met.copied().fold(0.0, f32::max);
+            let num_corners = num_met(&corners);
             let is_plain = matches!(pixel.lit, Lit::Inside | Lit::Dark);
             let cover = if is_plain && num_corners.is_multiple_of(corners.len()) {
                 num_corners as f32 / corners.len() as f32
             } else {
-                let met = sight.directions(pixel, RAYS).filter_map(meet).count();
-                met as f32 / (RAYS * RAYS) as f32
+                let rays = sight.rays(pixel, &inside);
+                num_met(&seen.meet_all(&rays)) as f32 / (RAYS * RAYS) as f32
             };
-            let is_own = own.contains(&i);
+            let is_own = own[i];
             // The lamp that has the rest of the pixel.
             let rest = match pixel.lit {
                 Lit::Inside | Lit::Border if is_own => sight.level_beside(pixel),
@@ -242,9 +247,8 @@ impl View<'_> {
             };
             let is_dimmer = |rest: Level| level.outshines(&rest);
             // Neighbours of its own pixels count as far as they are brighter than what is behind.
-            let beside = !is_own
-                && self.around.contains(&[pixel.x, pixel.y])
-                && rest.map_or(pixel.lit == Lit::Beside, is_dimmer);
+            let beside =
+                !is_own && self.around[i] && rest.map_or(pixel.lit == Lit::Beside, is_dimmer);
             // A brighter lamp before it has a part of the pixel.
             let is_shared = is_own && rest.is_some_and(|rest| rest.outshines(level));
             // Another one like it may be before it, and so is what the scene has nearer.
@@ -300,6 +304,11 @@ fn luminance_filled(evidence: &Evidence, group: &Group) -> Option<f32> {
         .map(|pixel| luminance(pixel.radiance.to_array()))
         .collect();
     (!values.is_empty()).then(|| median_of(values.into_iter()))
+}
+
+/// Places on a grid of `num` rows and columns, from `first` and a `step` apart along both axes.
+fn places<const N: usize>(num: usize, first: f32, step: f32) -> [[f32; 2]; N] {
+    std::array::from_fn(|i| [i % num, i / num].map(|k| first + k as f32 * step))
 }
 
 /// Places of a lamp's `own` pixels and of their neighbours.

@@ -19,7 +19,11 @@ const MAX_DISTANCES: usize = 16;
 /// Pixels of a view that a fit compares: at the border of a lamp, and others.
 const MAX_TARGETS: [usize; 2] = [600, 500];
 
+/// The same, of all views together, of a search that leads to where one by all begins.
+const MAX_COARSE: [usize; 2] = [3000, 2500];
+
 /// A pixel as a fit wants it.
+#[derive(Clone)]
 pub(crate) struct Target {
     /// Unit directions of its rays.
     pub(crate) rays: PixelRays,
@@ -128,19 +132,30 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                 distances: some
                     .map(|(_, direction, distance)| (direction, distance))
                     .collect(),
-                targets: thinned(targets),
+                targets: thinned(targets, MAX_TARGETS),
             }
         })
         .collect()
 }
 
+/// The same views by fewer pixels, where they are many.
+pub(crate) fn coarse(patches: &[Patch]) -> Vec<Patch> {
+    let most = MAX_COARSE.map(|most| most.div_ceil(patches.len().max(1)));
+    let coarse = patches.iter().map(|patch| Patch {
+        origin: patch.origin,
+        targets: thinned(patch.targets.clone(), most),
+        distances: patch.distances.clone(),
+    });
+    coarse.collect()
+}
+
 /// Of many pixels, some that stand for all: of those that a lamp fills, or has nothing in, and of
-/// those at its border.
-fn thinned(targets: Vec<Target>) -> Vec<Target> {
+/// those at its border, at most so many.
+fn thinned(targets: Vec<Target>, most: [usize; 2]) -> Vec<Target> {
     let is_plain = |t: &Target| t.cover == 0.0 || t.cover == 1.0;
     let num_plain = targets.iter().filter(|t| is_plain(t)).count();
     let nums = [targets.len() - num_plain, num_plain];
-    let steps = [0, 1].map(|kind| nums[kind].div_ceil(MAX_TARGETS[kind]).max(1));
+    let steps = [0, 1].map(|kind| nums[kind].div_ceil(most[kind]).max(1));
     let mut at = [0; 2];
     (targets.into_iter())
         .filter_map(|mut target| {

@@ -4,6 +4,7 @@
 mod tests;
 
 use crate::shape::{Flat, Shape};
+use eagpt_scene::camera::RayFrame;
 use glam::{Mat3, Vec3};
 
 /// Rays along each axis of a pixel.
@@ -16,11 +17,11 @@ const CORNERS: [usize; 4] = [0, 2, 6, 8];
 const MIDDLE: usize = 4;
 
 /// Distance at which a ray meets nothing.
-const NOWHERE: f32 = f32::INFINITY;
+pub(crate) const NOWHERE: f32 = f32::INFINITY;
 
-/// Directions of rays, one array for each axis: loops over these become SIMD instructions.
+/// Unit directions of rays, one array for each axis: loops over these become SIMD instructions.
 #[derive(Clone, Copy)]
-struct Rays<const N: usize> {
+pub(crate) struct Rays<const N: usize> {
     x: [f32; N],
     y: [f32; N],
     z: [f32; N],
@@ -33,6 +34,12 @@ impl<const N: usize> Rays<N> {
             y: directions.map(|d| d.y),
             z: directions.map(|d| d.z),
         }
+    }
+
+    /// Those of a camera through places in its picture, pixels from the upper left corner.
+    #[inline(always)]
+    pub(crate) fn through(frame: &RayFrame, places: [[f32; 2]; N]) -> Self {
+        Self::new(places.map(|[x, y]| frame.direction(x, y)))
     }
 
     #[inline(always)]
@@ -52,6 +59,7 @@ impl<const N: usize> Rays<N> {
 }
 
 /// Unit directions of the rays of a pixel.
+#[derive(Clone)]
 pub(crate) struct PixelRays {
     rays: Rays<LANES>,
     /// Distance between the directions in the corners and in the middle.
@@ -110,9 +118,9 @@ impl<'a> ShapeFrom<'a> {
         (distance < NOWHERE).then_some(distance)
     }
 
-    /// As [`Self::meet`], of several rays.
+    /// As [`Self::meet`], of several rays; [`NOWHERE`] of those that miss it.
     #[inline(always)]
-    fn meet_all<const N: usize>(&self, rays: &Rays<N>) -> [f32; N] {
+    pub(crate) fn meet_all<const N: usize>(&self, rays: &Rays<N>) -> [f32; N] {
         let o = self.origin;
         let own = |direction: Vec3| self.own * direction;
         match *self.shape {

@@ -36,7 +36,9 @@ impl Run<'_> {
             }
         }
         let up = views.up();
-        let found = eagpt_lamps::find(&evidence, &gaussians, up, &*tracer)?;
+        let progress = &mut self.progress;
+        let mut fitting = |done, total| progress(TrainProgress::FittingLamps { done, total });
+        let found = eagpt_lamps::find(&evidence, &gaussians, up, &*tracer, &mut fitting)?;
         let lights = 0..views.num_lights();
         for light in lights.clone() {
             write_lamps(&self.folder.lamps(light), &found.in_light(light))?;
