@@ -5,7 +5,7 @@ pub(crate) mod bearings;
 pub(crate) mod grouping;
 pub(crate) mod points;
 
-use crate::evidence::level::{Level, are_unlike, is_other_hue};
+use crate::evidence::level::Level;
 use crate::evidence::{Evidence, Pixel, Sight};
 use glam::Vec3;
 use std::cmp::Reverse;
@@ -166,17 +166,10 @@ impl Group {
             .collect()
     }
 
-    /// Whether a point may be the lamp's by its radiance: a pixel that something dark has a part of
-    /// is darker in all channels alike.
+    /// Whether a point may be the lamp's by its radiance.
     pub(crate) fn may_have(&self, point: &Point) -> bool {
-        let level = self.levels.get(&point.light).filter(|level| level.is_known);
-        level.is_none_or(|Level { radiance: own, .. }| {
-            if point.is_whole {
-                !are_unlike(point.radiance, *own)
-            } else {
-                !is_other_hue(point.radiance, *own)
-            }
-        })
+        let level = self.levels.get(&point.light);
+        level.is_none_or(|level| level.may_have(point.radiance, point.is_whole))
     }
 
     /// Has the radiance of a region in a light where that says more than its own.

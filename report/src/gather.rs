@@ -6,6 +6,7 @@ mod pictures;
 use crate::curve;
 use crate::error::{ReportError, Result};
 use crate::lamps::LampTable;
+use crate::mirrors::MirrorTable;
 use crate::run::{PROJECT_FILE, RunRecord, folders, read_json};
 use eagpt_scene::files;
 use eagpt_scene::lamps::{ALL_LAMPS_DIR, LAMPS_FILE, read_lamps};
@@ -48,6 +49,7 @@ pub(crate) fn gather(dir: &Path) -> Result<Value> {
         "layers": pictures::layers(dir, &run)?,
         "masks": pictures::masks(dir, &run)?,
         "lamps": lamps(dir)?,
+        "mirrors": mirrors(dir)?,
         "curves": curves(dir)?,
         "warnings": warnings,
         "steps": steps(&run),
@@ -117,6 +119,11 @@ fn lamps(dir: &Path) -> Result<Option<LampTable>> {
     let listed = places.iter().find(|path| path.exists());
     let lamps = listed.map(|path| read_lamps(path)).transpose()?;
     Ok(lamps.map(|lamps| LampTable::new(&lamps)))
+}
+
+fn mirrors(dir: &Path) -> Result<Option<MirrorTable>> {
+    let path = dir.join(folders::TRAIN).join("mirrors.json");
+    path.exists().then(|| MirrorTable::read(&path)).transpose()
 }
 
 /// Loss curves of the trained stages.

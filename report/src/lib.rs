@@ -15,6 +15,7 @@ mod curve;
 mod error;
 mod gather;
 pub mod lamps;
+mod mirrors;
 mod page;
 mod pages;
 pub mod picture;

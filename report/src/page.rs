@@ -37,7 +37,18 @@ mod tests {
         assert!(html.contains("&lt;b&gt;room&lt;&#x2f;b&gt;"), "{html}");
         assert!(html.contains("a &lt; b"));
         assert!(!html.contains("http"), "the page must need no network");
-        assert!(!html.contains("<h2>Lamps</h2>"));
+        assert!(!html.contains("<h2>Lamps</h2>") && !html.contains("<h2>Mirrors</h2>"));
+    }
+
+    #[test]
+    fn mirrors_are_a_table() {
+        let table = json!({ "headings": ["mirror", "place"], "rows": [["1", "0 < 1"]] });
+        let html = render(&json!({ "mirrors": table })).unwrap();
+        assert!(html.contains("<h2>Mirrors</h2>"), "{html}");
+        assert!(
+            html.contains("<th scope=\"row\">1</th><td>0 &lt; 1</td>"),
+            "{html}"
+        );
     }
 
     #[test]

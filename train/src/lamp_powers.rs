@@ -12,12 +12,12 @@ use crate::irradiance::{self, NoisyLight};
 use crate::segments::Segments;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Gaussians, LightGroups};
+use eagpt_scene::{Gaussians, Lamp, LampShape, LightGroups};
 use eagpt_trace::Tracer;
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::matrix::{Groups, Receiver, Tracing};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 /// Directions that find the light of each lamp.
 const NUM_SAMPLES: u32 = 256;
@@ -33,19 +33,38 @@ const MOST_FACTOR: f64 = 4.0;
 /// Part of all light that a lamp has to bring as views saw it: that of weaker ones, as of spots in
 /// a shade that are lamps of their own, can be anything.
 const LEAST_SHARE: f64 = 0.01;
+/// Cosine to the normal of a flat lamp from which on a view sees it from before, views that have to
+/// and the deviation between all, at most, where what they saw is all that the lamp sends.
+const BEFORE: f32 = 0.7;
+const LEAST_BEFORE: usize = 3;
+const MOST_DEVIATION: f32 = 0.1;
 /// Rounds in which factors and surfaces of one material, which are told by albedo, follow each
 /// other.
 const NUM_ROUNDS: u32 = 3;
 
+/// Whether views from `eyes` saw all that a lamp sends: it is flat, and sends most where some of
+/// them are, as much as others say. An opening of a shade shows its bulb to views along its axis
+/// alone.
+pub(crate) fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
+    let [w, x, y, z] = lamp.rotation;
+    let normal = Quat::from_xyzw(x, y, z, w) * Vec3::Z;
+    let is_before = |eye: &Vec3| {
+        let towards = (*eye - Vec3::from(lamp.centre)).normalize_or_zero();
+        towards.dot(normal) >= BEFORE
+    };
+    let is_flat = lamp.one_sided && lamp.shape != LampShape::Other;
+    is_flat && lamp.deviation <= MOST_DEVIATION && eyes.filter(is_before).count() >= LEAST_BEFORE
+}
+
 /// The factor, 1 or more, of the light of each of `lights`, in which what emits of `gaussians` is
-/// divided, `[lights]`: of those that are not `seen` it is 1. `received` is the light that
+/// divided, `[lights]`: of those that are not `free` it is 1. `received` is the light that
 /// Gaussians get of all that is known.
 ///
 /// # Errors
 /// If the device fails.
 pub(crate) fn factors(
     (tracer, gaussians): (&dyn Tracer, &Gaussians),
-    (lights, seen): (&LightGroups, &[bool]),
+    (lights, free): (&LightGroups, &[bool]),
     received: &[(Receiver, Vec3)],
     key: RandomKey,
 ) -> Result<Vec<f32>> {
@@ -76,8 +95,8 @@ pub(crate) fn factors(
         brought[*lamp] += part;
     }
     let least = LEAST_SHARE * all.iter().sum::<f64>();
-    let expected = seen.iter().enumerate().map(|(lamp, seen)| {
-        let is_free = *seen && brought[lamp] >= least;
+    let expected = free.iter().enumerate().map(|(lamp, free)| {
+        let is_free = *free && brought[lamp] >= least;
         let most = if is_free { MOST_FACTOR } else { 1.0 };
         let expected = Expected {
             radiance: 1.0,

@@ -6,7 +6,7 @@ use crate::options::Stage;
 use crate::points::{Discs, SeenPoints};
 use eagpt_scene::dataset::ViewCache;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Dataset};
+use eagpt_scene::{Camera, Dataset, Lamp};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
@@ -118,6 +118,12 @@ impl Views {
     /// The cameras of all training views; those of several lights once.
     pub(crate) fn cameras(&self) -> Vec<Camera> {
         self.of_poses().map(|index| self.camera(index)).collect()
+    }
+
+    /// Where the cameras are of the views that show a lamp.
+    pub(crate) fn eyes<'a>(&'a self, lamp: &'a Lamp) -> impl Iterator<Item = Vec3> + 'a {
+        let cameras = lamp.views.iter().filter_map(|name| self.named(name));
+        cameras.map(|camera| camera.origin())
     }
 
     /// As [`Self::cameras`], with the names of their views.

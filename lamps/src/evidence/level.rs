@@ -14,6 +14,9 @@ const UNLIKE: f32 = 0.33;
 const DIMMER: f32 = 0.6;
 /// Share of the pixels inside a region that have to be alike for all to be known.
 const SHARE_ALIKE: f32 = 0.8;
+/// Share of the pixels inside a region that are no brighter than its lamp is anywhere, though they
+/// are not alike, as a shade is brightest beside its bulb.
+const SHARE_DIMMER: f32 = 0.9;
 
 /// Radiance of a region of lit pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -23,6 +26,8 @@ pub(crate) struct Level {
     /// Whether pixels inside, which show the lamp alone, have it: else it may be brighter, or is a
     /// window's, which differ with the view.
     pub(crate) is_known: bool,
+    /// The brightest channel of nearly all pixels inside, if there are any.
+    inside: Option<f32>,
 }
 
 impl Level {
@@ -56,13 +61,18 @@ impl Level {
             return Self {
                 radiance,
                 is_known: false,
+                inside: None,
             };
         }
         let radiance = median(&inside.iter().copied());
         let alike = inside.iter().filter(|own| step(**own, radiance) <= UNLIKE);
+        let is_known = alike.count() as f32 >= SHARE_ALIKE * inside.len() as f32;
+        let mut values: Vec<f32> = inside.iter().map(|own| own.max_element()).collect();
+        values.sort_unstable_by(f32::total_cmp);
         Self {
             radiance,
-            is_known: alike.count() as f32 >= SHARE_ALIKE * inside.len() as f32,
+            is_known,
+            inside: Some(values[((values.len() - 1) as f32 * SHARE_DIMMER) as usize]),
         }
     }
 
@@ -71,10 +81,26 @@ impl Level {
         is_other_hue(self.radiance, other.radiance)
             || match (self.is_known, other.is_known) {
                 (true, true) => self.is_dimmer(other) || other.is_dimmer(self),
-                (true, false) => self.is_dimmer(other),
-                (false, true) => other.is_dimmer(self),
+                (true, false) => self.is_dimmer(other) || other.is_below(self.radiance),
+                (false, true) => other.is_dimmer(self) || self.is_below(other.radiance),
                 (false, false) => false,
             }
+    }
+
+    /// Whether no lamp of it can be as bright as a `radiance`, though it differs within its pixels.
+    fn is_below(&self, radiance: Vec3) -> bool {
+        let limit = (1.0 - DIMMER) * radiance.max_element();
+        self.inside.is_some_and(|most| most < limit)
+    }
+
+    /// Whether a pixel may be of the lamp of this region by its radiance, of which it shows nothing
+    /// else if it `is_whole`: what is dark and has a part of it makes all channels darker alike.
+    pub(crate) fn may_have(&self, radiance: Vec3, is_whole: bool) -> bool {
+        match (self.is_known, is_whole) {
+            (true, true) => !are_unlike(radiance, self.radiance),
+            (true, false) => !is_other_hue(radiance, self.radiance) && !self.is_below(radiance),
+            (false, _) => !self.is_below(radiance),
+        }
     }
 
     fn is_dimmer(&self, other: &Self) -> bool {
@@ -111,4 +137,37 @@ pub(crate) fn step(a: Vec3, b: Vec3) -> f32 {
 pub(crate) fn neighbourhood([x, y]: [u32; 2]) -> [[u32; 2]; 9] {
     let place = |k: u32| [(x + k % 3).wrapping_sub(1), (y + k / 3).wrapping_sub(1)];
     [0, 1, 2, 3, 4, 5, 6, 7, 8].map(place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The level of a square region of 9 × 9 pixels of these brightnesses, row by row.
+    fn level(brightness: impl Fn(u32) -> f32) -> Level {
+        let places: Vec<[u32; 2]> = (0..81).map(|i| [1 + i % 9, 1 + i / 9]).collect();
+        let region_of = places.iter().map(|place| (*place, 0)).collect();
+        let values = (0..121).map(|i| [brightness(i / 11); 3]);
+        let radiance = Image::from_pixels(11, 11, values.collect()).unwrap();
+        Level::of(0, &Region { pixels: places }, &region_of, &radiance)
+    }
+
+    #[test]
+    fn a_bulb_is_not_of_its_shade_though_that_is_brighter_beside_it() {
+        let shade = level(|row| 1.6_f32.powf(row as f32));
+        let [bulb, other_shade] = [400.0, 12.0].map(|radiance| level(|_| radiance));
+        assert!(!shade.is_known && bulb.is_known && other_shade.is_known);
+        assert!(shade.is_unlike(&bulb) && bulb.is_unlike(&shade));
+        assert!(!shade.is_unlike(&other_shade) && !other_shade.is_unlike(&shade));
+        // What else a pixel shows may be darker, but no brighter lamp.
+        for is_whole in [true, false] {
+            assert!(!shade.may_have(Vec3::splat(400.0), is_whole));
+            assert!(!other_shade.may_have(Vec3::splat(400.0), is_whole));
+            assert!(shade.may_have(Vec3::splat(20.0), is_whole));
+            // Nothing is known of a lamp of few pixels.
+            assert!(Level::default().may_have(Vec3::splat(400.0), is_whole));
+        }
+        assert!(bulb.may_have(Vec3::splat(40.0), false));
+        assert!(!Level::default().is_unlike(&bulb));
+    }
 }

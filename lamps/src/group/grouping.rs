@@ -36,6 +36,8 @@ pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
             points,
         } = region;
         let light = evidence.sights[view].light;
+        // A dim region is of no bulb, though pixels that it shares with others may be.
+        let may_be = |lamp: &usize| !groups[*lamp].level(light).is_unlike(&level);
         let nearest = |point: &Point, of: &[usize]| -> Option<usize> {
             let of = of.iter().filter(|&&lamp| groups[lamp].may_have(point));
             let distances = of.map(|&lamp| (lamp, groups[lamp].distance(point)));
@@ -43,7 +45,7 @@ pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
             (distance <= 1.0).then_some(lamp)
         };
         // Some points say which lamps a region shows.
-        let all: Vec<usize> = (0..groups.len()).collect();
+        let all: Vec<usize> = (0..groups.len()).filter(may_be).collect();
         let some = points.iter().step_by(points.len().div_ceil(MAX_POINTS));
         let known: Vec<Option<usize>> = some
             .collect::<Vec<_>>()

@@ -3,7 +3,7 @@
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
-use crate::lamp_powers::factors;
+use crate::lamp_powers::{factors, is_measured};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_scene::lamps::{read_lamps, write_lamps};
@@ -31,16 +31,16 @@ impl Run<'_> {
         let scene = backend.state()?.gaussians();
         let lights = LightGroups::new(&scene, &lamps)
             .map_err(|problem| SceneError::invalid(&path, "name", problem))?;
-        // Others have their power from what they light already.
-        let is_seen = |name: &String| {
+        // Lamps without views have their power from what they light already.
+        let is_free = |name: &String| {
             let lamp = lamps.named(name);
-            lamp.is_some_and(|lamp| !lamp.views.is_empty())
+            lamp.is_some_and(|lamp| !lamp.views.is_empty() && !is_measured(lamp, views.eyes(lamp)))
         };
-        let seen: Vec<bool> = lights.names.iter().map(is_seen).collect();
+        let free: Vec<bool> = lights.names.iter().map(is_free).collect();
         let tracer = request.device.scene(&scene)?;
         let key = RandomKey::new(request.options.seed, Purpose::Albedo, 5);
         let received = backend.gathered(0);
-        let factors = factors((&*tracer, &scene), (&lights, &seen), &received, key)?;
+        let factors = factors((&*tracer, &scene), (&lights, &free), &received, key)?;
         let most = factors.iter().copied().fold(1.0, f32::max);
         if most == 1.0 {
             return Ok(false);

@@ -66,10 +66,7 @@ impl Run<'_> {
         };
         let lamps = read_lamps(&path)?;
         let state = backend.state()?;
-        let eyes = |lamp: &Lamp| {
-            let cameras = lamp.views.iter().filter_map(|name| views.named(name));
-            cameras.map(|camera| camera.origin()).collect()
-        };
+        let eyes = |lamp: &Lamp| views.eyes(lamp).collect();
         let edit = eagpt_lamps::freed(&state.gaussians(), state.num_moving(), &lamps, eyes);
         backend.edit(&edit, &vec![Vec::new(); views.num_lights()])
     }

@@ -3,6 +3,7 @@ use crate::alike::testing::in_cube;
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::Purpose;
 use eagpt_testkit::gaussians::{cube, material};
+use eagpt_testkit::lamps::boxed;
 use eagpt_trace::cpu::CpuScene;
 
 const ALBEDO: f32 = 0.6;
@@ -13,7 +14,7 @@ fn key(number: u32) -> RandomKey {
 
 /// Factors of two lamps in a white cube of half edge 1, in its ceiling and in a wall, that send
 /// `true_factors` of what their discs do; there is other light, too.
-fn found(true_factors: [f32; 2], seen: [bool; 2]) -> Vec<f32> {
+fn found(true_factors: [f32; 2], free: [bool; 2]) -> Vec<f32> {
     let room: Gaussians =
         (cube(1.0, 0.05, |_| material(Vec3::ZERO, 0.0, Vec3::ONE)).into_iter()).collect();
     let mut gaussians = room.clone();
@@ -59,7 +60,7 @@ fn found(true_factors: [f32; 2], seen: [bool; 2]) -> Vec<f32> {
         of,
     };
     let tracer = CpuScene::new(&gaussians);
-    factors((&tracer, &gaussians), (&lights, &seen), &received, key(2)).unwrap()
+    factors((&tracer, &gaussians), (&lights, &free), &received, key(2)).unwrap()
 }
 
 #[test]
@@ -78,4 +79,26 @@ fn lamps_are_no_weaker_than_views_saw_and_others_stay() {
     assert_eq!(found([1.0, 1.0], [true; 2]), [1.0, 1.0]);
     assert_eq!(found([0.5, 1.0], [true; 2]), [1.0, 1.0]);
     assert_eq!(found([1.0, 3.0], [true, false])[1], 1.0);
+}
+
+#[test]
+fn a_flat_lamp_that_views_from_before_agree_on_is_measured() {
+    let lamp = |one_sided: bool, deviation: f32| Lamp {
+        one_sided,
+        deviation,
+        shape: LampShape::Panel,
+        ..boxed("wall-1", [0.0, 0.0, 1.0], [1.0, 1.0, 0.0])
+    };
+    let is_measured = |lamp: Lamp, cosines: [f32; 5]| {
+        let eye = |cosine: f32| {
+            let sine = (1.0 - cosine * cosine).sqrt();
+            Vec3::new(2.0 * sine, 0.0, 1.0 + 2.0 * cosine)
+        };
+        is_measured(&lamp, cosines.map(eye).into_iter())
+    };
+    let (before, beside) = ([0.9, 0.8, 0.75, 0.2, 0.1], [0.9, 0.8, 0.3, 0.2, 0.1]);
+    assert!(is_measured(lamp(true, 0.02), before));
+    assert!(!is_measured(lamp(true, 0.02), beside));
+    assert!(!is_measured(lamp(true, 0.2), before));
+    assert!(!is_measured(lamp(false, 0.02), before));
 }
