@@ -109,7 +109,9 @@ pub(crate) fn explained(
             found.extend(candidate(evidence, (light, group), fit, others));
         }
     }
-    progress(total, total);
+    if total > 0 {
+        progress(total, total);
+    }
     let of_make = of_make(evidence, unexplained, &found, up);
     found.extend(of_make);
     without_repeated(evidence, found)
