@@ -84,8 +84,7 @@ fn shown_apart(
     if whole.residual <= EXPLAINED {
         return None;
     }
-    let (centre, size) = extent(&points(evidence, group))?;
-    let seen = coarse(&patches(evidence, group, centre, size));
+    let (_, _, seen) = seen(evidence, group)?;
     let regions = group.in_most_regions(evidence)?;
     let balls = regions.iter().map(|region| {
         let points = points(evidence, region).into_iter();
@@ -112,8 +111,7 @@ fn touching(
     whole: &Fit,
     up: Vec3,
 ) -> Option<Vec<(Group, Fit)>> {
-    let (centre, size) = extent(&points(evidence, group))?;
-    let seen = coarse(&patches(evidence, group, centre, size));
+    let (centre, _, seen) = seen(evidence, group)?;
     let of_whole = residual_of(&[whole.shape], &seen);
     let (mut residual, mut shapes) = balls(evidence, group, centre, of_whole, &seen)?;
     let groups = among(evidence, group, &shapes);
@@ -135,8 +133,7 @@ fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
     if group.members.len() < ENOUGH_FOR_PIECES {
         return None;
     }
-    let (centre, size) = extent(&points(evidence, group))?;
-    let seen = coarse(&patches(evidence, group, centre, size));
+    let (_, size, seen) = seen(evidence, group)?;
     let those = |group: &Group, are_those: &[bool]| {
         let of: Vec<usize> = are_those.iter().map(|is| usize::from(!is)).collect();
         group.divided(&of, 1).remove(0)
@@ -155,6 +152,14 @@ fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
     }
     let is_explained = residual <= EXPLAINED && shapes.len() > 1;
     is_explained.then(|| shared_out(evidence, group, shapes, residual))
+}
+
+/// Middle and extent of a group, and the pixels that searches for its parts compare; `None` where
+/// it has no extent.
+fn seen(evidence: &Evidence, group: &Group) -> Option<(Vec3, f32, Vec<Patch>)> {
+    let (centre, size) = extent(&points(evidence, group))?;
+    let seen = coarse(&patches(evidence, group, centre, size));
+    Some((centre, size, seen))
 }
 
 /// Fits of the `shapes` that a group consists of, and the pixels of each.

@@ -49,7 +49,7 @@ pub(crate) fn gather(dir: &Path) -> Result<Value> {
         "layers": pictures::layers(dir, &run)?,
         "masks": pictures::masks(dir, &run)?,
         "lamps": lamps(dir)?,
-        "mirrors": mirrors(dir)?,
+        "mirrors": MirrorTable::read(&dir.join(folders::TRAIN).join("mirrors.json"))?,
         "curves": curves(dir)?,
         "warnings": warnings,
         "steps": steps(&run),
@@ -119,11 +119,6 @@ fn lamps(dir: &Path) -> Result<Option<LampTable>> {
     let listed = places.iter().find(|path| path.exists());
     let lamps = listed.map(|path| read_lamps(path)).transpose()?;
     Ok(lamps.map(|lamps| LampTable::new(&lamps)))
-}
-
-fn mirrors(dir: &Path) -> Result<Option<MirrorTable>> {
-    let path = dir.join(folders::TRAIN).join("mirrors.json");
-    path.exists().then(|| MirrorTable::read(&path)).transpose()
 }
 
 /// Loss curves of the trained stages.

@@ -56,7 +56,7 @@ fn row(lamp: &Lamp) -> [String; 10] {
     ]
 }
 
-fn spaced(values: [f32; 3], shown: impl Fn(f32) -> String) -> String {
+pub(crate) fn spaced(values: [f32; 3], shown: impl Fn(f32) -> String) -> String {
     values.map(shown).join(" ")
 }
 

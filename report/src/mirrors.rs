@@ -1,7 +1,8 @@
 //! The table of the mirrors that training has found.
 
-use crate::error::{ReportError, Result};
-use eagpt_scene::files;
+use crate::error::Result;
+use crate::lamps::spaced;
+use crate::run::read_json;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -22,7 +23,7 @@ pub(crate) struct MirrorTable {
     rows: Vec<[String; 6]>,
 }
 
-/// What training writes (`mirrors.json`).
+/// The content of `mirrors.json`, as training writes it.
 #[derive(Deserialize)]
 struct Listed {
     mirrors: Vec<Mirror>,
@@ -30,45 +31,40 @@ struct Listed {
 
 #[derive(Deserialize)]
 struct Mirror {
-    centre: [f64; 3],
-    edges: [[f64; 3]; 2],
+    centre: [f32; 3],
+    edges: [[f32; 3]; 2],
     is_round: bool,
-    reflectance: [f64; 3],
+    reflectance: [f32; 3],
     num_views: usize,
-    explained: f64,
+    explained: f32,
 }
 
 impl MirrorTable {
-    /// The table of the mirrors that the file `path` lists.
+    /// The table of the mirrors that the file `path` lists; `None` if it is not there.
     ///
     /// # Errors
     /// If the file cannot be read, or is not a list of mirrors.
-    pub(crate) fn read(path: &Path) -> Result<Self> {
-        let text = files::read(path)?;
-        let listed: Listed =
-            serde_json::from_slice(&text).map_err(|e| ReportError::content(path, &e))?;
-        let rows = listed.mirrors.iter().zip(1..);
-        Ok(Self {
+    pub(crate) fn read(path: &Path) -> Result<Option<Self>> {
+        let listed: Option<Listed> = read_json(path)?;
+        Ok(listed.map(|listed| Self {
             headings: HEADINGS,
-            rows: rows.map(|(mirror, number)| mirror.row(number)).collect(),
-        })
+            rows: (1..).zip(&listed.mirrors).map(row).collect(),
+        }))
     }
 }
 
-impl Mirror {
-    fn row(&self, number: usize) -> [String; 6] {
-        let spaced = |values: [f64; 3]| values.map(|value| format!("{value:.2}")).join(" ");
-        let length = |edge: [f64; 3]| edge.map(|value| value * value).iter().sum::<f64>().sqrt();
-        let size = self.edges.map(|edge| format!("{:.2}", length(edge)));
-        [
-            number.to_string(),
-            spaced(self.centre),
-            size.join(" × ") + if self.is_round { ", round" } else { "" },
-            spaced(self.reflectance),
-            self.num_views.to_string(),
-            format!("{:.0} %", 100.0 * self.explained),
-        ]
-    }
+fn row((number, mirror): (usize, &Mirror)) -> [String; 6] {
+    let decimals = |value: f32| format!("{value:.2}");
+    let length = |edge: [f32; 3]| edge.map(|along| along * along).iter().sum::<f32>().sqrt();
+    let size = mirror.edges.map(|edge| decimals(length(edge))).join(" × ");
+    [
+        number.to_string(),
+        spaced(mirror.centre, decimals),
+        size + if mirror.is_round { ", round" } else { "" },
+        spaced(mirror.reflectance, decimals),
+        mirror.num_views.to_string(),
+        format!("{:.0} %", 100.0 * mirror.explained),
+    ]
 }
 
 #[cfg(test)]
@@ -88,9 +84,10 @@ mod tests {
             "num_views": 12,
             "explained": 0.934,
         });
+        assert_eq!(MirrorTable::read(&path).unwrap(), None);
         let write = |content: &str| std::fs::write(&path, content).unwrap();
         write(&json!({ "iteration": 4750, "mirrors": [mirror] }).to_string());
-        let row = &MirrorTable::read(&path).unwrap().rows[0];
+        let row = &MirrorTable::read(&path).unwrap().unwrap().rows[0];
         let expected = [
             "1",
             "1.00 -0.13 1.50",

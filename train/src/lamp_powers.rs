@@ -17,7 +17,7 @@ use eagpt_trace::Tracer;
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::matrix::{Groups, Receiver, Tracing};
-use glam::{Quat, Vec3};
+use glam::Vec3;
 
 /// Directions that find the light of each lamp.
 const NUM_SAMPLES: u32 = 256;
@@ -46,10 +46,9 @@ const NUM_ROUNDS: u32 = 3;
 /// them are, as much as others say. An opening of a shade shows its bulb to views along its axis
 /// alone.
 pub(crate) fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
-    let [w, x, y, z] = lamp.rotation;
-    let normal = Quat::from_xyzw(x, y, z, w) * Vec3::Z;
+    let normal = lamp.world_from_lamp() * Vec3::Z;
     let is_before = |eye: &Vec3| {
-        let towards = (*eye - Vec3::from(lamp.centre)).normalize_or_zero();
+        let towards = (*eye - lamp.centre()).normalize_or_zero();
         towards.dot(normal) >= BEFORE
     };
     let is_flat = lamp.one_sided && lamp.shape != LampShape::Other;

@@ -159,7 +159,7 @@ mod tests {
         assert!(!shade.is_known && bulb.is_known && other_shade.is_known);
         assert!(shade.is_unlike(&bulb) && bulb.is_unlike(&shade));
         assert!(!shade.is_unlike(&other_shade) && !other_shade.is_unlike(&shade));
-        // What else a pixel shows may be darker, but no brighter lamp.
+        // Something darker may have a part of a pixel, but no brighter lamp.
         for is_whole in [true, false] {
             assert!(!shade.may_have(Vec3::splat(400.0), is_whole));
             assert!(!other_shade.may_have(Vec3::splat(400.0), is_whole));

@@ -36,9 +36,9 @@ const LITTLE: f32 = 0.6;
 /// and of one that views are to agree on.
 const NUM_STEPS: usize = 15;
 const NUM_TRIALS: usize = 500;
+const NUM_AGREED: usize = 150;
 /// Shapes whose search goes on among all pixels.
 const NUM_FINE: usize = 3;
-const NUM_AGREED: usize = 150;
 /// Steps, in widths of a pixel, and their number, by which a search begins nearer and farther.
 const FARTHER_PIXELS: f32 = 2.0;
 const NUM_FARTHER: i32 = 2;

@@ -45,12 +45,12 @@ pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
             (distance <= 1.0).then_some(lamp)
         };
         // Some points say which lamps a region shows.
-        let all: Vec<usize> = (0..groups.len()).filter(may_be).collect();
+        let possible: Vec<usize> = (0..groups.len()).filter(may_be).collect();
         let some = points.iter().step_by(points.len().div_ceil(MAX_POINTS));
         let known: Vec<Option<usize>> = some
             .collect::<Vec<_>>()
             .par_iter()
-            .map(|(_, point)| nearest(point, &all))
+            .map(|(_, point)| nearest(point, &possible))
             .collect();
         let num_known = known.iter().flatten().count();
         if (num_known as f32) < SHARE_KNOWN * known.len() as f32 {

@@ -5,7 +5,7 @@ use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::group::Group;
 use crate::pixels::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
-use crate::shape::meet::{NOWHERE, ShapeFrom};
+use crate::shape::meet::ShapeFrom;
 use eagpt_scene::color::luminance;
 use eagpt_scene::median::{median_of, weighted_median};
 use glam::Vec3;
@@ -83,9 +83,8 @@ impl<'a> Views<'a> {
             let is_around = |pixel: &Pixel| around.contains(&[pixel.x, pixel.y]);
             View {
                 sight,
-                own: (0..)
-                    .zip(&sight.pixels)
-                    .map(|(i, _)| own.contains(&i))
+                own: (0..sight.pixels.len() as u32)
+                    .map(|i| own.contains(&i))
                     .collect(),
                 around: sight.pixels.iter().map(is_around).collect(),
                 level: group.level(sight.light),
@@ -221,22 +220,14 @@ impl View<'_> {
         let inside: [[f32; 2]; RAYS * RAYS] = places(RAYS, 0.5 / RAYS as f32, 1.0 / RAYS as f32);
         let around: [[f32; 2]; RAYS_AROUND * RAYS_AROUND] = places(RAYS_AROUND, -1.0, 0.5);
         // A pixel of its own that is nowhere near it shows a lamp that touches it.
-        let is_near = |pixel: &Pixel| {
-            let met = seen.meet_all(&sight.rays(pixel, &around));
-            met.iter().any(|distance| *distance < NOWHERE)
-        };
-        let num_met = |met: &[f32]| met.iter().filter(|distance| **distance < NOWHERE).count();
+        let is_near = |pixel: &Pixel| seen.part_met(&sight.rays(pixel, &around)).0 > 0.0;
         for (i, pixel) in sight.near(&seen, away) {
-            let corners = seen.meet_all(&sight.rays(pixel, &CORNERS));
-            let met = corners.iter().filter(|distance| **distance < NOWHERE);
-            let farthest = met.copied().fold(0.0, f32::max);
-            let num_corners = num_met(&corners);
+            let (corners, farthest) = seen.part_met(&sight.rays(pixel, &CORNERS));
             let is_plain = matches!(pixel.lit, Lit::Inside | Lit::Dark);
-            let cover = if is_plain && num_corners.is_multiple_of(corners.len()) {
-                num_corners as f32 / corners.len() as f32
+            let cover = if is_plain && (corners == 0.0 || corners == 1.0) {
+                corners
             } else {
-                let rays = sight.rays(pixel, &inside);
-                num_met(&seen.meet_all(&rays)) as f32 / (RAYS * RAYS) as f32
+                seen.part_met(&sight.rays(pixel, &inside)).0
             };
             let is_own = own[i];
             // The lamp that has the rest of the pixel.

@@ -17,7 +17,7 @@ const CORNERS: [usize; 4] = [0, 2, 6, 8];
 const MIDDLE: usize = 4;
 
 /// Distance at which a ray meets nothing.
-pub(crate) const NOWHERE: f32 = f32::INFINITY;
+const NOWHERE: f32 = f32::INFINITY;
 
 /// Unit directions of rays, one array for each axis: loops over these become SIMD instructions.
 #[derive(Clone, Copy)]
@@ -118,9 +118,15 @@ impl<'a> ShapeFrom<'a> {
         (distance < NOWHERE).then_some(distance)
     }
 
+    /// Part of some rays that meet the shape, and the farthest place where they do.
+    #[inline(always)]
+    pub(crate) fn part_met<const N: usize>(&self, rays: &Rays<N>) -> (f32, f32) {
+        met(&self.meet_all(rays))
+    }
+
     /// As [`Self::meet`], of several rays; [`NOWHERE`] of those that miss it.
     #[inline(always)]
-    pub(crate) fn meet_all<const N: usize>(&self, rays: &Rays<N>) -> [f32; N] {
+    fn meet_all<const N: usize>(&self, rays: &Rays<N>) -> [f32; N] {
         let o = self.origin;
         let own = |direction: Vec3| self.own * direction;
         match *self.shape {
@@ -172,9 +178,7 @@ impl<'a> ShapeFrom<'a> {
         if farthest < NOWHERE {
             return (1.0, farthest);
         }
-        let met = || distances[..NUM].iter().filter(|t| **t < NOWHERE);
-        let farthest = met().copied().fold(0.0, f32::max);
-        (met().count() as f32 / NUM as f32, farthest)
+        met(&distances[..NUM])
     }
 
     /// Squared distance of the middle from the line of a ray.
@@ -202,6 +206,14 @@ impl Shape {
         direction.angle_between(to_centre)
             - (0.5 * self.thinnest() / to_centre.length()).min(1.0).asin()
     }
+}
+
+/// Part of `distances` at which rays meet something, and the farthest of these.
+#[inline(always)]
+fn met(distances: &[f32]) -> (f32, f32) {
+    let met = || distances.iter().filter(|distance| **distance < NOWHERE);
+    let part = met().count() as f32 / distances.len() as f32;
+    (part, met().copied().fold(0.0, f32::max))
 }
 
 /// `distance`, or [`NOWHERE`]: a choice between values, where a branch would keep rays apart.
