@@ -15,6 +15,7 @@ mod clear;
 mod evidence;
 mod fit;
 mod group;
+mod hood;
 mod mount;
 mod parts;
 mod pixels;
@@ -34,6 +35,7 @@ use eagpt_trace::{TraceError, Tracer};
 use fit::shape_search::Fit;
 use glam::Vec3;
 use group::Group;
+use hood::Hood;
 use pixels::measure::Measured;
 use pixels::silhouette::Gaps;
 use shape::Shape;
@@ -106,16 +108,35 @@ pub fn find(
     let power =
         |c: &Candidate| luminance(place::power(&c.fit.shape, c.measured.radiance).to_array());
     candidates.sort_by(|a, b| power(b).total_cmp(&power(a)));
+    let glowing = || candidates.iter().filter(|c| !c.is_clean);
+    let hoods = candidates.iter().map(|c| match c.is_clean {
+        true => Hood::of(evidence, c, up, tracer, glowing()),
+        false => Ok(None),
+    });
+    let hoods = hoods.collect::<Result<Vec<_>, _>>()?;
+    let shades: Vec<Hood> = hoods.iter().flatten().cloned().collect();
+    let is_of_shade =
+        |c: &Candidate| !c.is_clean && shades.iter().any(|s| s.has(c.fit.shape.centre()));
+    let (candidates, hoods): (Vec<Candidate>, Vec<Option<Hood>>) = (candidates.into_iter())
+        .zip(hoods)
+        .filter(|(c, _)| !is_of_shade(c))
+        .unzip();
     let shapes: Vec<Shape> = candidates.iter().map(|c| c.fit.shape).collect();
     let clean = || candidates.iter().filter(|c| c.is_clean);
     let clean_fits: Vec<Fit> = clean().map(|c| c.fit).collect();
     let mut keep = vec![true; gaussians.len()];
     let nums = clear::replaced(gaussians, &candidates, &mut keep);
-    let discs: Vec<Gaussians> = clean()
-        .map(|c| {
+    shades
+        .iter()
+        .for_each(|shade| shade.clear(gaussians, &mut keep));
+    let discs: Vec<Gaussians> = (candidates.iter().zip(&hoods))
+        .filter(|(c, _)| c.is_clean)
+        .map(|(c, hood)| {
             let pixel = pixel_width(evidence, &c.group);
             let is_glass = c.fit.gaps == Gaps::Bars || place::is_on_wall(&c.fit.shape, up);
-            place::discs(&c.fit.shape, c.measured.radiance, is_glass, pixel)
+            let own = place::discs(&c.fit.shape, c.measured.radiance, is_glass, pixel);
+            let shade = hood.iter().flat_map(Hood::discs);
+            own.iter().chain(shade).collect()
         })
         .collect();
     let mut edit = SceneEdit {
@@ -151,7 +172,7 @@ pub fn find(
     );
     let (mut lamps, mut in_lights, mut lamp_of) = (Vec::new(), Vec::new(), Vec::new());
     let mut discs = discs.iter();
-    for ((c, name), num) in candidates.iter().zip(names).zip(nums) {
+    for (((c, hood), name), num) in candidates.iter().zip(&hoods).zip(names).zip(nums) {
         if let Some(discs) = c.is_clean.then(|| discs.next()).flatten() {
             let shines = discs.emissions.iter().map(|e| *e > EMISSION_THRESHOLD);
             lamp_of.extend(shines.map(|shines| shines.then_some(lamps.len())));
@@ -160,7 +181,9 @@ pub fn find(
             continue;
         }
         let in_light = |group: &Group, measured: &Measured| {
-            lamp(evidence, c, (group, measured), name.clone(), num)
+            let lamp = lamp(evidence, c, (group, measured), name.clone(), num);
+            let shade = hood.as_ref().map_or(0.0, Hood::reach);
+            Lamp { shade, ..lamp }
         };
         let own = in_light(&c.group, &c.measured);
         let others = c.others.iter();
@@ -210,6 +233,7 @@ fn lamp(
         size: c.fit.shape.size().to_array(),
         one_sided: c.is_clean && c.fit.shape.flat().is_some(),
         bars: c.is_clean && c.fit.gaps == Gaps::Bars,
+        shade: 0.0,
         area: c.fit.shape.area(),
         radiance: measured.radiance.to_array(),
         power: place::power(&c.fit.shape, measured.radiance).to_array(),

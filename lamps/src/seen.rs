@@ -7,7 +7,6 @@ use crate::fit::shape_search::Fit;
 use crate::group::Group;
 use crate::pixels::patches::depth_tolerance;
 use crate::pixels::silhouette::Gaps;
-use eagpt_scene::Camera;
 use eagpt_trace::{Ray, TraceError, Tracer};
 use glam::Vec3;
 
@@ -58,7 +57,7 @@ pub(crate) fn is_seen(
         let aims = (0..GRID * GRID)
             .map(|i| shape.centre() + right * place(i % GRID) + up * place(i / GRID));
         let met: Vec<(Vec3, f32)> = aims
-            .filter(|aim| is_in_picture(camera, *aim))
+            .filter(|aim| camera.is_in_picture(camera.project(*aim)))
             .filter_map(|aim| {
                 let direction = (aim - origin).try_normalize()?;
                 Some((direction, shape.meet(origin, direction)?))
@@ -94,11 +93,4 @@ pub(crate) fn is_seen(
     let expected: f32 = met.iter().zip(&expected).map(shown).sum();
     let weights = group.members.iter().map(|m| evidence.pixel(m).1.weight);
     Ok(weights.sum::<f32>() >= MIN_SHARE * expected)
-}
-
-fn is_in_picture(camera: &Camera, point: Vec3) -> bool {
-    let at = camera.project(point);
-    at.z > 0.0
-        && (0.0..camera.width as f32).contains(&at.x)
-        && (0.0..camera.height as f32).contains(&at.y)
 }

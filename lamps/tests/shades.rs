@@ -6,46 +6,50 @@ mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
 use eagpt_lamps::{Evidence, find};
-use eagpt_scene::Gaussians;
 use eagpt_scene::lamps::LampShape;
-use eagpt_trace::Device;
-use glam::{Mat3, Quat, Vec3};
+use eagpt_scene::{Camera, Gaussian, Gaussians};
+use eagpt_trace::{Device, Ray};
+use glam::{DVec3, Mat3, Quat, Vec3};
 use rig::{RADIANCE, cameras, heap, patch, photograph, room};
 use std::f32::consts::TAU;
 
 const NUM_SIDES: u8 = 8;
 const RADIUS: f32 = 0.18;
 const HEIGHT: f32 = 0.4;
+/// Height of a low shade, whose bulb no view sees from the side.
+const LOW: f32 = 0.25;
 
 /// The sides of a shade about a vertical axis, open below and above.
-fn sides(lower_edge: Vec3) -> Vec<Flat> {
+fn sides(lower_edge: Vec3, height: f32) -> Vec<Flat> {
     let side = |i: u8| {
         let angle = f32::from(i) / f32::from(NUM_SIDES) * TAU;
         let outwards = Vec3::new(angle.cos(), angle.sin(), 0.0);
         let frame = Mat3::from_cols(Vec3::Z.cross(outwards), Vec3::Z, outwards);
         let width = 2.0 * RADIUS * (0.5 * TAU / f32::from(NUM_SIDES)).tan();
         Flat {
-            centre: lower_edge + outwards * RADIUS + Vec3::Z * (0.5 * HEIGHT),
+            centre: lower_edge + outwards * RADIUS + Vec3::Z * (0.5 * height),
             rotation: Quat::from_mat3(&frame),
-            size: [width, HEIGHT],
+            size: [width, height],
         }
     };
     (0..NUM_SIDES).map(side).collect()
+}
+
+/// A side as training has it.
+fn discs(side: &Flat) -> Vec<Gaussian> {
+    let [width, height] = side.size;
+    let edges = [Vec3::X * width, Vec3::Y * height].map(|edge| side.rotation * edge);
+    patch(side.centre, edges, None).iter().collect()
 }
 
 #[test]
 fn a_bulb_in_a_shade_has_the_power_of_a_whole_ball() {
     let (centre, radius) = (Vec3::new(0.1, 0.1, 2.1), 0.12);
     let bulb = Shape::Ball { centre, radius };
-    let sides = sides(centre - Vec3::Z * 0.2);
+    let sides = sides(centre - Vec3::Z * 0.2, HEIGHT);
     let shade: Vec<Shape> = sides.iter().copied().map(Shape::Rectangle).collect();
-    let discs = sides.iter().flat_map(|side| {
-        let [width, height] = side.size;
-        let edges = [Vec3::X * width, Vec3::Y * height].map(|edge| side.rotation * edge);
-        patch(side.centre, edges, None).iter().collect::<Vec<_>>()
-    });
     let scene: Gaussians = (room().iter())
-        .chain(discs)
+        .chain(sides.iter().flat_map(discs))
         .chain(heap(&bulb, RADIANCE))
         .collect();
     let tracer = Device::Cpu.scene(&scene).unwrap();
@@ -72,4 +76,88 @@ fn a_bulb_in_a_shade_has_the_power_of_a_whole_ball() {
             .all(|(keep, emission)| *keep || *emission > 0.0)
     );
     assert!(gone.clone().any(|(keep, _)| !keep));
+}
+
+/// Cameras around a place, some so far below it and others nearly as high, that look at it.
+fn around(place: Vec3, below: [f64; 2]) -> Vec<Camera> {
+    let target = place.as_dvec3();
+    let camera = |i: u8| {
+        let angle = f64::from(i) * 0.9;
+        let out = DVec3::new(angle.cos(), angle.sin(), 0.0) * 1.4;
+        let eye = target + out - DVec3::Z * below[usize::from(i % 2)];
+        let pose = Camera::level_pose(eye, (target - eye).normalize());
+        Camera::centred([120, 80], 1.3, pose)
+    };
+    (0..14).map(camera).collect()
+}
+
+/// Share of the rays from a bulb that leave the room's middle within a metre, by the sine of their
+/// elevation.
+fn free(scene: &Gaussians, (centre, radius): (Vec3, f32), sine: f32) -> f32 {
+    let tracer = Device::Cpu.scene(scene).unwrap();
+    let flat = (1.0 - sine * sine).sqrt();
+    let rays: Vec<Ray> = (0..36_u8)
+        .map(|i| {
+            let (sin, cos) = (f32::from(i) * TAU / 36.0).sin_cos();
+            let towards = Vec3::new(cos * flat, sin * flat, sine);
+            let origin = centre + towards * (1.1 * radius);
+            Ray::free(origin.to_array(), towards.to_array())
+        })
+        .collect();
+    let met = tracer.trace_rays(&rays).unwrap();
+    let is_free = |met: &&eagpt_trace::Features| met.mean_distance() > 1.5 * RADIUS;
+    met.iter().filter(is_free).count() as f32 / rays.len() as f32
+}
+
+#[test]
+fn a_shade_that_hides_its_bulb_from_the_side_is_closed_above() {
+    let (centre, radius) = (Vec3::new(0.1, 0.1, 2.0), 0.05);
+    let bulb = Shape::Ball { centre, radius };
+    let sides = sides(centre - Vec3::Z * 0.08, LOW);
+    let shade: Vec<Shape> = sides.iter().copied().map(Shape::Rectangle).collect();
+    let found = |shade: &[Shape], discs: Vec<Gaussian>| {
+        let scene: Gaussians = (room().iter())
+            .chain(discs)
+            .chain(heap(&bulb, RADIANCE))
+            .collect();
+        let tracer = Device::Cpu.scene(&scene).unwrap();
+        let mut evidence = Evidence::default();
+        for (i, camera) in around(centre, [1.2, 0.2]).into_iter().enumerate() {
+            let seen = tracer.gbuffer(&camera).unwrap();
+            evidence.add(&photograph(i, camera, &bulb, shade), 0, &seen);
+        }
+        let found = find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
+        (found.edit.applied(&scene), found.lamps.lamps)
+    };
+    let (scene, lamps) = found(&shade, sides.iter().flat_map(discs).collect());
+    let [lamp] = lamps.as_slice() else {
+        panic!("{lamps:?}");
+    };
+    assert!(lamp.centre().distance(centre) < radius, "{lamp:?}");
+    // Its upper corner is 0.25 from the middle of the bulb.
+    assert!(
+        (RADIUS..1.5 * RADIUS).contains(&lamp.shade),
+        "{}",
+        lamp.shade
+    );
+    let bulb = (centre, radius);
+    // The edge is seen at 24 degrees below the bulb.
+    for (sine, expected) in [
+        (0.95, 0.0),
+        (0.6, 0.0),
+        (0.1, 0.0),
+        (-0.6, 1.0),
+        (-0.95, 1.0),
+    ] {
+        assert_eq!(free(&scene, bulb, sine), expected, "{sine}");
+    }
+    // A bulb that is seen from all sides has none.
+    let (scene, lamps) = found(&[], Vec::new());
+    assert_eq!(lamps[0].shade, 0.0);
+    assert_eq!(free(&scene, bulb, 0.95), 1.0);
+    // Nor has one behind a board, that hides it from two sides of eight.
+    let board: Vec<Shape> = shade[..2].to_vec();
+    let (scene, lamps) = found(&board, sides[..2].iter().flat_map(discs).collect());
+    assert_eq!(lamps[0].shade, 0.0);
+    assert_eq!(free(&scene, bulb, 0.95), 1.0);
 }

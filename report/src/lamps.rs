@@ -87,6 +87,7 @@ mod tests {
             size: [1.0, 0.4, 0.0],
             one_sided: true,
             bars: false,
+            shade: 0.0,
             area: 0.4,
             radiance: [330.4, 24.06, 1.505],
             power: [0.25, 0.05, 0.0],

@@ -157,6 +157,13 @@ impl Camera {
         )
         .as_vec3()
     }
+
+    /// Whether what [`Self::project`] makes of a point is in the picture.
+    pub fn is_in_picture(&self, at: Vec3) -> bool {
+        at.z > 0.0
+            && (0.0..self.width as f32).contains(&at.x)
+            && (0.0..self.height as f32).contains(&at.y)
+    }
 }
 
 #[cfg(test)]

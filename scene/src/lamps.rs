@@ -77,6 +77,9 @@ pub struct Lamp {
     /// Whether bars or a frame stand before it, as before a window.
     #[serde(default)]
     pub bars: bool,
+    /// Radius of the opaque shade around it, whose inside shines with it, scene units; 0 without.
+    #[serde(default)]
+    pub shade: f32,
     /// Area that emits, scene units², positive.
     pub area: f32,
     /// Mean radiance of that area, linear Rec.709.
@@ -114,6 +117,7 @@ impl Lamp {
             size: size.to_array(),
             one_sided: false,
             bars: false,
+            shade: 0.0,
             area,
             radiance: radiance.to_array(),
             power: (PI * area * radiance).to_array(),
@@ -127,7 +131,7 @@ impl Lamp {
 
     /// Whether a Gaussian that emits belongs to the lamp if its centre is at `position` (world
     /// space, scene units): in the box of the lamp, grown on every side by 15 % of its largest
-    /// size.
+    /// size, or as large as its shade.
     pub fn contains(&self, position: Vec3) -> bool {
         self.relative_distance(position) <= 1.0
     }
@@ -176,7 +180,8 @@ impl Lamp {
     /// Half the lengths of the grown box, all positive.
     fn half_grown(&self) -> Vec3 {
         let size = Vec3::from(self.size);
-        0.5 * size + BOX_MARGIN * size.max_element()
+        let half = 0.5 * size + BOX_MARGIN * size.max_element();
+        half.max(Vec3::splat(self.shade))
     }
 }
 

@@ -19,6 +19,7 @@ fn lamp(scene: &Gaussians) -> Lamp {
         size: (high - low + 1e-3).into(),
         one_sided: false,
         bars: false,
+        shade: 0.0,
         area: 1.0,
         radiance: [2.0; 3],
         power: [6.0; 3],

@@ -140,14 +140,11 @@ impl Discs {
     /// The points that `camera` sees: no disc lies before them.
     pub(crate) fn seen_by(self: &Arc<Self>, camera: &Camera) -> SeenPoints {
         let num_pixels = camera.num_pixels();
-        let is_inside = |at: &Vec3| {
-            at.z > 0.0
-                && (0.0..camera.width as f32).contains(&at.x)
-                && (0.0..camera.height as f32).contains(&at.y)
-        };
         let places = self.positions.iter().map(|p| camera.project(*p));
-        let places: Vec<(usize, Vec3)> =
-            (0..).zip(places).filter(|(_, at)| is_inside(at)).collect();
+        let places: Vec<(usize, Vec3)> = (0..)
+            .zip(places)
+            .filter(|(_, at)| camera.is_in_picture(*at))
+            .collect();
         let own = |at: Vec3| at.y as usize * camera.width as usize + at.x as usize;
         let reach = |i: usize, at: Vec3| (self.radii[i] * camera.fx as f32 / at.z).min(MAX_PIXELS);
         let mut nearest = vec![f32::INFINITY; num_pixels];

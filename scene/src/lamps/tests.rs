@@ -12,6 +12,7 @@ fn panel() -> Lamp {
         size: [1.0, 0.4, 0.0],
         one_sided: true,
         bars: false,
+        shade: 0.0,
         area: 0.4,
         radiance: [10.0, 9.0, 8.0],
         power: [12.57, 11.31, 10.05],
@@ -32,6 +33,7 @@ fn ball(name: &str, x: f32, size: f32) -> Lamp {
         size: [size; 3],
         one_sided: false,
         bars: false,
+        shade: 0.0,
         ..panel()
     }
 }

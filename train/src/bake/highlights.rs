@@ -193,12 +193,9 @@ impl<'a> Highlights<'a> {
 fn eyes(gaussian: usize, surface: &Surface, cameras: &[Camera]) -> Vec<Vec3> {
     let shown = cameras.iter().filter_map(|camera| {
         let at = camera.project(surface.position);
-        let is_inside = at.z > 0.0
-            && (0.0..camera.width as f32).contains(&at.x)
-            && (0.0..camera.height as f32).contains(&at.y);
         let eye = camera.origin();
         let to_eye = (eye - surface.position).normalize_or_zero();
-        (is_inside && to_eye.dot(surface.normal) >= MIN_COSINE).then_some(eye)
+        (camera.is_in_picture(at) && to_eye.dot(surface.normal) >= MIN_COSINE).then_some(eye)
     });
     let shown: Vec<Vec3> = shown.collect();
     let step = shown.len().div_ceil(MAX_EYES).max(1);

@@ -1,0 +1,179 @@
+//! What views, and the scene around a bulb, say of a shade.
+
+use crate::candidates::Candidate;
+use crate::evidence::Evidence;
+use crate::shape::Shape;
+use eagpt_scene::median::{median, median_of};
+use eagpt_trace::{Features, Ray, TraceError, Tracer};
+use glam::Vec3;
+use std::f32::consts::{PI, TAU};
+
+/// Largest length of a bulb in its smallest, at most: tubes are in fixtures.
+const MAX_LENGTH: f32 = 3.0;
+/// Width of a bulb in pixels, at least, in views that say that it is hidden.
+const MIN_WIDTH: f32 = 2.0;
+/// Share of its pixels from which on a view shows it.
+const SHOWN: f32 = 0.5;
+/// Distance of a shade from the middle of the bulb, in radii, at least: what is nearer may be a
+/// part of what training made of it; …
+const NEAREST: f32 = 2.0;
+/// … and at most: what is farther is a thing before the lamp.
+const FARTHEST: f32 = 10.0;
+/// Emission, in parts of opacity, of what views see of a shade, at most: one that shines lets light
+/// through.
+const DARK: f32 = 0.3;
+/// Views that show the bulb, and that do not, at least, and share of either that may speak against
+/// the edge between them.
+const LEAST_SHOWN: usize = 1;
+const LEAST_HIDDEN: usize = 3;
+const MOST_ASTRAY: f32 = 0.1;
+/// Rings around the bulb, from the edge on, in which the scene is looked at, radians, …
+pub(super) const RING: f32 = 0.12;
+/// … on so many sides, …
+const NUM_SIDES: u8 = 24;
+/// … and share of them that the shade covers, at least: a beam beside a bulb hides it from one.
+const COVERED: f32 = 0.75;
+
+/// A bulb that may be in a shade.
+pub(super) struct Bulb {
+    /// Middle, world space.
+    pub(super) centre: Vec3,
+    /// Radius, scene units.
+    pub(super) radius: f32,
+}
+
+/// What a view says of a bulb in the direction to its camera.
+pub(super) struct Look {
+    /// Unit vector from the middle of the bulb.
+    towards: Vec3,
+    /// Distance from its middle of what hides it, and the radiance of that; `None` where it is
+    /// shown.
+    pub(super) hidden_by: Option<(f32, Vec3)>,
+}
+
+/// A ring of the scene around a bulb: distance from its middle, and radiance.
+pub(super) struct Ring {
+    pub(super) radius: f32,
+    pub(super) radiance: Vec3,
+}
+
+impl Bulb {
+    /// The ball of the same area as a lamp, if that is about as long as wide: of small ones views
+    /// tell a ball from a drum badly.
+    pub(super) fn of(shape: &Shape) -> Option<Self> {
+        let size = shape.size();
+        (size.max_element() <= MAX_LENGTH * size.min_element()).then(|| Self {
+            centre: shape.centre(),
+            radius: (shape.area() / (4.0 * PI)).sqrt(),
+        })
+    }
+
+    /// What the views in the light of a lamp say of it; nothing where it is small, in part hidden,
+    /// or behind what is no shade.
+    pub(super) fn looks(
+        &self,
+        evidence: &Evidence,
+        lamp: &Candidate,
+        tracer: &dyn Tracer,
+    ) -> Result<Vec<Look>, TraceError> {
+        let &Self { centre, radius } = self;
+        let shown: Vec<(Vec3, f32)> = (lamp.group.by_view())
+            .map(|(view, members)| {
+                let weights = members.iter().map(|member| evidence.pixel(member).1.weight);
+                (evidence.sights[view].origin(), weights.sum())
+            })
+            .collect();
+        let (mut looks, mut hiding, mut rays) = (Vec::new(), Vec::new(), Vec::new());
+        let cameras = evidence.cameras.iter();
+        for (_, camera) in cameras.filter(|(light, _)| *light == lamp.light) {
+            let origin = camera.origin();
+            let at = camera.project(centre);
+            let width = 2.0 * radius * camera.fx as f32 / at.z;
+            let towards = (origin - centre).normalize_or_zero();
+            if !camera.is_in_picture(at) || width < MIN_WIDTH {
+                continue;
+            }
+            let own = shown.iter().find(|(eye, _)| *eye == origin);
+            let pixels = own.map_or(0.0, |(_, pixels)| *pixels);
+            if pixels >= SHOWN * 0.25 * PI * width * width {
+                looks.push(Look {
+                    towards,
+                    hidden_by: None,
+                });
+            } else {
+                hiding.push((towards, origin.distance(centre)));
+                rays.push(Ray::free(origin.to_array(), (-towards).to_array()));
+            }
+        }
+        let met = tracer.trace_rays(&rays)?;
+        let hiding = hiding.into_iter().zip(met);
+        looks.extend(hiding.filter_map(|((towards, distance), met)| {
+            let away = distance - met.mean_distance();
+            let is_near = (NEAREST * radius..=FARTHEST * radius).contains(&away);
+            let is_dark = met.alpha() > 0.5 && met.emission() <= DARK * met.alpha();
+            (is_near && is_dark).then_some(Look {
+                towards,
+                hidden_by: Some((away, met.radiance())),
+            })
+        }));
+        Ok(looks)
+    }
+
+    /// The rings around it that are closed in the scene, from an angle to an axis on towards it, up
+    /// to the first that is not.
+    pub(super) fn rings(
+        &self,
+        (axis, edge): (Vec3, f32),
+        tracer: &dyn Tracer,
+    ) -> Result<Vec<Ring>, TraceError> {
+        let (right, forward) = axis.any_orthonormal_pair();
+        let start = NEAREST * self.radius;
+        let reach = (FARTHEST - NEAREST) * self.radius;
+        let mut rings = Vec::new();
+        for number in 1.. {
+            let angle = edge - RING * number as f32;
+            if angle <= 0.5 * RING {
+                break;
+            }
+            let ray = |side: u8| {
+                let turn = TAU * f32::from(side) / f32::from(NUM_SIDES);
+                let aside = right * turn.cos() + forward * turn.sin();
+                let towards = axis * angle.cos() + aside * angle.sin();
+                let origin = self.centre + towards * start;
+                Ray::free(origin.to_array(), towards.to_array())
+            };
+            let rays: Vec<Ray> = (0..NUM_SIDES).map(ray).collect();
+            let met = tracer.trace_rays(&rays)?;
+            let is_covered = |met: &&Features| met.alpha() > 0.5 && met.mean_distance() <= reach;
+            let covered: Vec<&Features> = met.iter().filter(is_covered).collect();
+            if (covered.len() as f32) < COVERED * f32::from(NUM_SIDES) {
+                break;
+            }
+            rings.push(Ring {
+                radius: start + median_of(covered.iter().map(|met| met.mean_distance())),
+                radiance: median(&covered.iter().map(|met| met.radiance() / met.alpha())),
+            });
+        }
+        Ok(rings)
+    }
+}
+
+/// The angle to `axis`, radians, up to which a bulb is hidden and from which on it is shown.
+pub(super) fn edge(looks: &[Look], axis: Vec3) -> Option<f32> {
+    let angles = |is_hidden: bool| {
+        let some = (looks.iter()).filter(|look| look.hidden_by.is_some() == is_hidden);
+        let cosines = some.map(|look| look.towards.dot(axis));
+        let mut angles: Vec<f32> = cosines.map(|c| c.clamp(-1.0, 1.0).acos()).collect();
+        angles.sort_unstable_by(f32::total_cmp);
+        angles
+    };
+    let (shown, hidden) = (angles(false), angles(true));
+    if shown.len() < LEAST_SHOWN || hidden.len() < LEAST_HIDDEN {
+        return None;
+    }
+    // But for some astray.
+    let astray = |of: &[f32]| (MOST_ASTRAY * of.len() as f32) as usize;
+    let first_shown = shown[astray(&shown)];
+    let last_hidden = hidden[hidden.len() - 1 - astray(&hidden)];
+    (last_hidden < first_shown).then_some(0.5 * (last_hidden + first_shown))
+}
