@@ -7,6 +7,7 @@ use crate::fit::shape_search::Fit;
 use crate::fit::{single, windows};
 use crate::group::Group;
 use crate::group::{bearings, grouping};
+use crate::hood::Hood;
 use crate::parts;
 use crate::pixels::measure::{self, Measured};
 use crate::pixels::silhouette::Gaps;
@@ -30,6 +31,8 @@ pub(crate) struct Candidate {
     pub(crate) others: Vec<(usize, Group, Measured)>,
     /// Whether its shape explains what the views show.
     pub(crate) is_clean: bool,
+    /// The opaque shade around it.
+    pub(crate) hood: Option<Hood>,
 }
 
 impl Candidate {
@@ -179,6 +182,7 @@ fn candidate<'a>(
     Some(Candidate {
         others: others.collect(),
         is_clean: fit.is_clean(&group),
+        hood: None,
         group,
         light,
         fit,

@@ -9,8 +9,9 @@
 
 mod looks;
 
-use crate::candidates::Candidate;
 use crate::evidence::Evidence;
+use crate::group::Group;
+use crate::shape::Shape;
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::median::{median, median_of};
 use eagpt_scene::{Gaussian, Gaussians, Gloss};
@@ -63,34 +64,29 @@ pub(crate) struct Hood {
 }
 
 impl Hood {
-    /// The shade of a lamp, if it has one; `up` is the unit vector upwards, and `glowing` are lamps
-    /// without a shape, one of which may be its inside.
+    /// The shade of a lamp, if it has one, whose pixels in a `light` are those of a group; `up` is
+    /// the unit vector upwards.
     ///
     /// # Errors
     /// If the device fails.
-    pub(crate) fn of<'a>(
+    pub(crate) fn of(
         evidence: &Evidence,
-        lamp: &Candidate,
+        lamp: &Shape,
+        (light, group): (usize, &Group),
         up: Vec3,
         tracer: &dyn Tracer,
-        mut glowing: impl Iterator<Item = &'a Candidate>,
     ) -> Result<Option<Self>, TraceError> {
-        let Some(bulb) = Bulb::of(&lamp.fit.shape) else {
+        let Some(bulb) = Bulb::of(lamp) else {
             return Ok(None);
         };
-        let looks = bulb.looks(evidence, lamp, tracer)?;
+        let looks = bulb.looks(evidence, (light, group), tracer)?;
         for axis in [up, -up] {
             let Some(edge) = looks::edge(&looks, axis) else {
                 continue;
             };
             let rings = bulb.rings((axis, edge), tracer)?;
             if rings.len() >= LEAST_RINGS {
-                let mut hood = Self::new(&bulb, (axis, edge), &rings, &looks);
-                let glow = glowing.find(|other| hood.has(other.fit.shape.centre()));
-                if let Some(glow) = glow {
-                    hood.inside = (glow.measured.radiance, true);
-                }
-                return Ok(Some(hood));
+                return Ok(Some(Self::new(&bulb, (axis, edge), &rings, &looks)));
             }
         }
         Ok(None)
@@ -116,6 +112,11 @@ impl Hood {
             inside: (median(&rings.iter().map(|ring| ring.radiance)), false),
             outside: median(&outside().map(|(_, radiance)| radiance)),
         }
+    }
+
+    /// Lets its inside emit.
+    pub(crate) fn glow(&mut self, radiance: Vec3) {
+        self.inside = (radiance, true);
     }
 
     /// Radius of what is of the shade, its edge and its outside, too; scene units.

@@ -96,74 +96,18 @@ pub fn find(
     tracer: &dyn Tracer,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Found, TraceError> {
-    let mut all = explained(evidence, up, progress);
-    alike::share_shapes(evidence, &mut all);
-    let mut candidates = Vec::new();
-    for candidate in all {
-        let pixels = (candidate.light, &candidate.group);
-        if seen::is_seen(evidence, pixels, &candidate.fit, tracer)? {
-            candidates.push(candidate);
-        }
-    }
+    let mut candidates = seen_lamps(evidence, up, tracer, progress)?;
+    put_up_shades(evidence, &mut candidates, up, tracer)?;
     let power =
         |c: &Candidate| luminance(place::power(&c.fit.shape, c.measured.radiance).to_array());
     candidates.sort_by(|a, b| power(b).total_cmp(&power(a)));
-    let glowing = || candidates.iter().filter(|c| !c.is_clean);
-    let hoods = candidates.iter().map(|c| match c.is_clean {
-        true => Hood::of(evidence, c, up, tracer, glowing()),
-        false => Ok(None),
-    });
-    let hoods = hoods.collect::<Result<Vec<_>, _>>()?;
-    let shades: Vec<Hood> = hoods.iter().flatten().cloned().collect();
-    let is_of_shade =
-        |c: &Candidate| !c.is_clean && shades.iter().any(|s| s.has(c.fit.shape.centre()));
-    let (candidates, hoods): (Vec<Candidate>, Vec<Option<Hood>>) = (candidates.into_iter())
-        .zip(hoods)
-        .filter(|(c, _)| !is_of_shade(c))
-        .unzip();
-    let shapes: Vec<Shape> = candidates.iter().map(|c| c.fit.shape).collect();
-    let clean = || candidates.iter().filter(|c| c.is_clean);
-    let clean_fits: Vec<Fit> = clean().map(|c| c.fit).collect();
-    let mut keep = vec![true; gaussians.len()];
-    let nums = clear::replaced(gaussians, &candidates, &mut keep);
-    shades
-        .iter()
-        .for_each(|shade| shade.clear(gaussians, &mut keep));
-    let discs: Vec<Gaussians> = (candidates.iter().zip(&hoods))
-        .filter(|(c, _)| c.is_clean)
-        .map(|(c, hood)| {
-            let pixel = pixel_width(evidence, &c.group);
-            let is_glass = c.fit.gaps == Gaps::Bars || place::is_on_wall(&c.fit.shape, up);
-            let own = place::discs(&c.fit.shape, c.measured.radiance, is_glass, pixel);
-            let shade = hood.iter().flat_map(Hood::discs);
-            own.iter().chain(shade).collect()
-        })
+    let discs: Vec<Option<Gaussians>> = (candidates.iter())
+        .map(|c| c.is_clean.then(|| discs(evidence, c, up)))
         .collect();
-    let mut edit = SceneEdit {
-        keep,
-        moved: Vec::new(),
-        fixed: discs.iter().flat_map(Gaussians::iter).collect(),
-    };
-    let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
-    let faces = mounted.flat_map(|c| {
-        let views = c.group.by_view();
-        let eyes: Vec<Vec3> = views
-            .map(|(view, _)| evidence.sights[view].origin())
-            .collect();
-        let solid = Solid::of_shape(&c.fit.shape);
-        mount::faces(&solid, &eyes, gaussians, gaussians.len())
-    });
-    mount::free_all(gaussians, gaussians.len(), faces, &mut edit);
-    if !clean_fits.is_empty() {
-        clear::remove_what_hides(
-            &tracer.device(),
-            evidence,
-            gaussians,
-            &clean_fits,
-            &mut edit,
-        )?;
-    }
+    let fixed = discs.iter().flatten().flat_map(Gaussians::iter).collect();
+    let (edit, nums) = room_for(fixed, &candidates, evidence, (gaussians, tracer))?;
     let heights = || gaussians.positions.iter().map(|p| p.dot(up));
+    let shapes: Vec<Shape> = candidates.iter().map(|c| c.fit.shape).collect();
     let names = shape::names::names(
         &shapes,
         up,
@@ -171,9 +115,8 @@ pub fn find(
         heights().fold(f32::NEG_INFINITY, f32::max),
     );
     let (mut lamps, mut in_lights, mut lamp_of) = (Vec::new(), Vec::new(), Vec::new());
-    let mut discs = discs.iter();
-    for (((c, hood), name), num) in candidates.iter().zip(&hoods).zip(names).zip(nums) {
-        if let Some(discs) = c.is_clean.then(|| discs.next()).flatten() {
+    for (((c, discs), name), num) in candidates.iter().zip(&discs).zip(names).zip(nums) {
+        if let Some(discs) = discs {
             let shines = discs.emissions.iter().map(|e| *e > EMISSION_THRESHOLD);
             lamp_of.extend(shines.map(|shines| shines.then_some(lamps.len())));
         } else if num == 0 {
@@ -181,9 +124,7 @@ pub fn find(
             continue;
         }
         let in_light = |group: &Group, measured: &Measured| {
-            let lamp = lamp(evidence, c, (group, measured), name.clone(), num);
-            let shade = hood.as_ref().map_or(0.0, Hood::reach);
-            Lamp { shade, ..lamp }
+            lamp(evidence, c, (group, measured), name.clone(), num)
         };
         let own = in_light(&c.group, &c.measured);
         let others = c.others.iter();
@@ -197,6 +138,93 @@ pub fn find(
         in_lights,
         lamp_of,
     })
+}
+
+/// The lamps that explain lit pixels and that enough views show.
+fn seen_lamps(
+    evidence: &Evidence,
+    up: Vec3,
+    tracer: &dyn Tracer,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Vec<Candidate>, TraceError> {
+    let mut all = explained(evidence, up, progress);
+    alike::share_shapes(evidence, &mut all);
+    let mut candidates = Vec::new();
+    for candidate in all {
+        let pixels = (candidate.light, &candidate.group);
+        if seen::is_seen(evidence, pixels, &candidate.fit, tracer)? {
+            candidates.push(candidate);
+        }
+    }
+    Ok(candidates)
+}
+
+/// Puts shades around clean lamps that have one; what glows inside them is a part of them.
+fn put_up_shades(
+    evidence: &Evidence,
+    candidates: &mut Vec<Candidate>,
+    up: Vec3,
+    tracer: &dyn Tracer,
+) -> Result<(), TraceError> {
+    for c in candidates.iter_mut().filter(|c| c.is_clean) {
+        let pixels = (c.light, &c.group);
+        c.hood = Hood::of(evidence, &c.fit.shape, pixels, up, tracer)?;
+    }
+    let (mut clean, others): (Vec<Candidate>, Vec<Candidate>) = std::mem::take(candidates)
+        .into_iter()
+        .partition(|c| c.is_clean);
+    for other in others {
+        let mut hoods = clean.iter_mut().filter_map(|c| c.hood.as_mut());
+        match hoods.find(|hood| hood.has(other.fit.shape.centre())) {
+            Some(hood) => hood.glow(other.measured.radiance),
+            None => candidates.push(other),
+        }
+    }
+    candidates.append(&mut clean);
+    Ok(())
+}
+
+/// The discs of a clean lamp and of the shade around it.
+fn discs(evidence: &Evidence, c: &Candidate, up: Vec3) -> Gaussians {
+    let pixel = pixel_width(evidence, &c.group);
+    let is_glass = c.fit.gaps == Gaps::Bars || place::is_on_wall(&c.fit.shape, up);
+    let own = place::discs(&c.fit.shape, c.measured.radiance, is_glass, pixel);
+    let shade = c.hood.iter().flat_map(Hood::discs);
+    own.iter().chain(shade).collect()
+}
+
+/// How a scene makes room for the `fixed` discs of lamps, and how many of its Gaussians are parts
+/// of each.
+fn room_for(
+    fixed: Gaussians,
+    candidates: &[Candidate],
+    evidence: &Evidence,
+    (gaussians, tracer): (&Gaussians, &dyn Tracer),
+) -> Result<(SceneEdit, Vec<usize>), TraceError> {
+    let clean = || candidates.iter().filter(|c| c.is_clean);
+    let mut edit = SceneEdit {
+        fixed,
+        ..SceneEdit::nothing(gaussians.len())
+    };
+    let nums = clear::replaced(gaussians, candidates, &mut edit.keep);
+    let hoods = candidates.iter().filter_map(|c| c.hood.as_ref());
+    hoods.for_each(|hood| hood.clear(gaussians, &mut edit.keep));
+    let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
+    let faces = mounted.flat_map(|c| {
+        let views = c.group.by_view();
+        let eyes: Vec<Vec3> = views
+            .map(|(view, _)| evidence.sights[view].origin())
+            .collect();
+        let solid = Solid::of_shape(&c.fit.shape);
+        mount::faces(&solid, &eyes, gaussians, gaussians.len())
+    });
+    mount::free_all(gaussians, gaussians.len(), faces, &mut edit);
+    let fits: Vec<Fit> = clean().map(|c| c.fit).collect();
+    if !fits.is_empty() {
+        let device = tracer.device();
+        clear::remove_what_hides(&device, evidence, gaussians, &fits, &mut edit)?;
+    }
+    Ok((edit, nums))
 }
 
 /// Width of a pixel on the lamp in the views that see it nearest.
@@ -233,7 +261,7 @@ fn lamp(
         size: c.fit.shape.size().to_array(),
         one_sided: c.is_clean && c.fit.shape.flat().is_some(),
         bars: c.is_clean && c.fit.gaps == Gaps::Bars,
-        shade: 0.0,
+        shade: c.hood.as_ref().map_or(0.0, Hood::reach),
         area: c.fit.shape.area(),
         radiance: measured.radiance.to_array(),
         power: place::power(&c.fit.shape, measured.radiance).to_array(),

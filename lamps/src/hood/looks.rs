@@ -1,7 +1,7 @@
 //! What views, and the scene around a bulb, say of a shade.
 
-use crate::candidates::Candidate;
 use crate::evidence::Evidence;
+use crate::group::Group;
 use crate::shape::Shape;
 use eagpt_scene::median::{median, median_of};
 use eagpt_trace::{Features, Ray, TraceError, Tracer};
@@ -68,16 +68,16 @@ impl Bulb {
         })
     }
 
-    /// What the views in the light of a lamp say of it; nothing where it is small, in part hidden,
+    /// What the views in a `light` say of it, which show it in the pixels of a group; nothing where it is small, in part hidden,
     /// or behind what is no shade.
     pub(super) fn looks(
         &self,
         evidence: &Evidence,
-        lamp: &Candidate,
+        (light, group): (usize, &Group),
         tracer: &dyn Tracer,
     ) -> Result<Vec<Look>, TraceError> {
         let &Self { centre, radius } = self;
-        let shown: Vec<(Vec3, f32)> = (lamp.group.by_view())
+        let shown: Vec<(Vec3, f32)> = (group.by_view())
             .map(|(view, members)| {
                 let weights = members.iter().map(|member| evidence.pixel(member).1.weight);
                 (evidence.sights[view].origin(), weights.sum())
@@ -85,7 +85,7 @@ impl Bulb {
             .collect();
         let (mut looks, mut hiding, mut rays) = (Vec::new(), Vec::new(), Vec::new());
         let cameras = evidence.cameras.iter();
-        for (_, camera) in cameras.filter(|(light, _)| *light == lamp.light) {
+        for (_, camera) in cameras.filter(|(of, _)| *of == light) {
             let origin = camera.origin();
             let at = camera.project(centre);
             let width = 2.0 * radius * camera.fx as f32 / at.z;
