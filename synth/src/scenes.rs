@@ -143,6 +143,11 @@ pub const SCENES: [EmbeddedScene; 26] = [
         about: "a mirror over a console, another on a wardrobe, a pendant, a lamp, spots; each alone, too",
         toml: include_str!("../scenes/hallway.toml"),
     },
+    EmbeddedScene {
+        name: "canteen",
+        about: "two bulbs in closed shades, one in a shade that is open above, a window; each alone, too",
+        toml: include_str!("../scenes/canteen.toml"),
+    },
 ];
 
 /// The scene of this name.
