@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 26] = [
+pub const SCENES: [EmbeddedScene; 27] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
