@@ -14,11 +14,12 @@ use crate::group::Group;
 use crate::shape::Shape;
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::median::{median, median_of};
-use eagpt_scene::{Gaussian, Gaussians, Gloss};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
-use glam::Vec3;
+use glam::{Mat3, Quat, Vec2, Vec3};
 use looks::{Bulb, Look, Ring};
+use std::f32::consts::TAU;
 
 /// Closed rings that make a shade, at least.
 const LEAST_RINGS: usize = 2;
@@ -38,6 +39,8 @@ const BELOW: f32 = 0.2;
 const DEVIATIONS: f32 = 1.5;
 /// Albedo of what no view shows well.
 const ALBEDO: f32 = 0.5;
+/// Standard deviation of discs in spacings.
+const SCALE: f32 = 0.75;
 /// Spacing of discs, in radii, …
 const SPACING: f32 = 0.06;
 /// … distance of the outside from the inside, and of the last discs from the edge, in spacings:
@@ -52,12 +55,9 @@ pub(crate) struct Hood {
     centre: Vec3,
     /// Unit vector to the middle of the shade.
     axis: Vec3,
-    /// Angle to the axis of its edge, radians.
-    edge: f32,
-    /// Radii at the edge and at every [`looks::RING`] further, scene units.
-    radii: Vec<f32>,
-    /// Height of the lid over the middle of the bulb, and its radius, scene units.
-    lid: [f32; 2],
+    /// Distances from the axis and heights over the middle of the bulb, scene units, from the edge
+    /// up to the lid.
+    profile: Vec<Vec2>,
     /// Radiance of the inside, whether it emits, and radiance of the outside.
     inside: (Vec3, bool),
     outside: Vec3,
@@ -86,29 +86,48 @@ impl Hood {
             };
             let rings = bulb.rings((axis, edge), tracer)?;
             if rings.len() >= LEAST_RINGS {
-                return Ok(Some(Self::new(&bulb, (axis, edge), &rings, &looks)));
+                let height = bulb.height_of_shade(axis, &looks, tracer)?;
+                return Ok(Some(Self::new(&bulb, (axis, edge, height), &rings, &looks)));
             }
         }
         Ok(None)
     }
 
-    /// The shade of a bulb of closed `rings` from the edge on, which `looks` see from outside.
-    fn new(bulb: &Bulb, (axis, edge): (Vec3, f32), rings: &[Ring], looks: &[Look]) -> Self {
+    /// The shade of a bulb of closed `rings` from the edge on, which `looks` see from outside up to
+    /// a height.
+    fn new(
+        bulb: &Bulb,
+        (axis, edge, height): (Vec3, f32, f32),
+        rings: &[Ring],
+        looks: &[Look],
+    ) -> Self {
         let outside = || looks.iter().filter_map(|look| look.hidden_by);
         let seen = median_of(outside().map(|(distance, _)| distance));
         let wider = (seen / rings[0].radius).clamp(1.0, MAX_WIDER);
+        let lid = (WITHIN * height).max(LID * bulb.radius);
         // At the edge as wide as the first ring.
-        let all = rings.iter().take(1).chain(rings);
-        let radii: Vec<f32> = all.map(|ring| WITHIN * wider * ring.radius).collect();
-        let last = radii.len() - 1;
-        let (sin, cos) = (edge - looks::RING * last as f32).sin_cos();
-        let height = (radii[last] * cos).max(LID * bulb.radius);
+        let all = (0_u8..).zip(rings.iter().take(1).chain(rings));
+        let mut profile: Vec<Vec2> = Vec::new();
+        for (number, ring) in all {
+            let (sin, cos) = (edge - looks::RING * f32::from(number)).sin_cos();
+            let next = WITHIN * wider * ring.radius * Vec2::new(sin, cos);
+            match profile.last() {
+                Some(last) if next.y >= lid => {
+                    profile.push(last.lerp(next, (lid - last.y) / (next.y - last.y)));
+                    break;
+                }
+                Some(last) if next.y <= last.y => (),
+                _ => profile.push(next),
+            }
+        }
+        let last = profile[profile.len() - 1];
+        if last.y < lid {
+            profile.push(Vec2::new(last.x, lid));
+        }
         Self {
             centre: bulb.centre,
             axis,
-            edge,
-            lid: [height, radii[last] * sin],
-            radii,
+            profile,
             inside: (median(&rings.iter().map(|ring| ring.radiance)), false),
             outside: median(&outside().map(|(_, radiance)| radiance)),
         }
@@ -121,7 +140,8 @@ impl Hood {
 
     /// Radius of what is of the shade, its edge and its outside, too; scene units.
     pub(crate) fn reach(&self) -> f32 {
-        AROUND * self.radii.iter().copied().fold(0.0, f32::max)
+        let lengths = self.profile.iter().map(|at| at.length());
+        AROUND * lengths.fold(0.0, f32::max)
     }
 
     /// Whether what glows at a place is of the shade.
@@ -129,103 +149,98 @@ impl Hood {
         position.distance(self.centre) <= self.reach()
     }
 
-    /// Angle to the axis of a direction from the middle.
-    fn angle(&self, towards: Vec3) -> f32 {
-        towards.dot(self.axis).clamp(-1.0, 1.0).acos()
+    /// Distance from the axis and height of a place.
+    fn local(&self, position: Vec3) -> Vec2 {
+        let offset = position - self.centre;
+        let height = offset.dot(self.axis);
+        Vec2::new((offset - self.axis * height).length(), height)
     }
 
-    /// Distance of the surface from the middle, by the angle to the axis; 0 beyond the edge.
-    fn radius(&self, angle: f32) -> f32 {
-        if angle > self.edge {
-            return 0.0;
-        }
-        let at = (self.edge - angle) / looks::RING;
-        let ring = at as usize;
-        let [height, wide] = self.lid;
-        if let [own, next, ..] = self.radii[ring.min(self.radii.len())..] {
-            own + (next - own) * at.fract()
-        } else if angle > wide.atan2(height) {
-            wide / angle.sin()
-        } else {
-            height / angle.cos()
-        }
+    /// Whether the surface is around a place.
+    fn holds(&self, local: Vec2) -> bool {
+        self.profile.array_windows().any(|&[below, above]| {
+            let at = (local.y - below.y) / (above.y - below.y);
+            (0.0..=1.0).contains(&at) && local.x < below.lerp(above, at).x
+        })
     }
 
     /// Its discs: the inside, and the outside, which does not emit.
     pub(crate) fn discs(&self) -> Vec<Gaussian> {
         let (glow, emits) = self.inside;
-        let inside = self.layer((glow, emits), 1.0);
-        let outside = self.layer((self.outside, false), 1.0 + THICKNESS * SPACING);
-        inside.chain(outside).collect()
+        let mut discs = self.layer((glow, emits), 1.0);
+        discs.extend(self.layer((self.outside, false), 1.0 + THICKNESS * SPACING));
+        discs
     }
 
     /// Discs of the surface, so many times as large.
-    fn layer(
-        &self,
-        (radiance, emits): (Vec3, bool),
-        times: f32,
-    ) -> impl Iterator<Item = Gaussian> + use<> {
-        let discs = |solid: Solid, spacing: f32| -> Vec<Gaussian> {
-            let material = Material {
-                albedo: Vec3::splat(ALBEDO),
-                radiance: emits.then_some(radiance),
-                gloss: Gloss::NONE,
-            };
-            let spacing = Some(spacing);
-            let surface = Surface {
-                solid,
-                material,
-                spacing,
-            };
-            surface.discs().iter().collect()
+    fn layer(&self, (radiance, emits): (Vec3, bool), times: f32) -> Vec<Gaussian> {
+        let material = Material {
+            albedo: Vec3::splat(ALBEDO),
+            radiance: emits.then_some(radiance),
+            gloss: Gloss::NONE,
         };
-        let [height, wide] = self.lid.map(|of| of * times);
+        let profile: Vec<Vec2> = self.profile.iter().map(|at| *at * times).collect();
+        let spacing = SPACING * self.reach();
         let (right, forward) = self.axis.any_orthonormal_pair();
-        let lid = discs(
-            Solid::Ellipse {
-                centre: self.centre + self.axis * height,
-                axes: [right, forward].map(|axis| axis * (2.0 * wide)),
+        let rim = profile[profile.len() - 1];
+        let lid = Surface {
+            solid: Solid::Ellipse {
+                centre: self.centre + self.axis * rim.y,
+                axes: [right, forward].map(|axis| axis * (2.0 * rim.x)),
             },
-            SPACING * wide,
-        );
-        let ball = discs(
-            Solid::Ball {
-                centre: Vec3::ZERO,
-                radius: 1.0,
-            },
-            SPACING,
-        );
-        let side = (self.edge - INSET * SPACING, self.lid[1].atan2(self.lid[0]));
-        let placed = ball.into_iter().filter_map(|disc| {
-            let towards = disc.position.normalize_or_zero();
-            let angle = self.angle(towards);
-            let radius = self.radius(angle) * times;
-            (side.1..=side.0).contains(&angle).then_some(Gaussian {
-                position: self.centre + towards * radius,
-                scale: disc.scale * radius,
-                ..disc
-            })
-        });
-        let all: Vec<Gaussian> = lid.into_iter().chain(placed).collect();
-        all.into_iter()
-            .map(move |disc| Gaussian { radiance, ..disc })
+            material,
+            spacing: Some(spacing),
+        };
+        let mut discs: Vec<Gaussian> = lid.discs().iter().collect();
+        let Some(model) = discs.first().copied() else {
+            return discs;
+        };
+        // Rows along the profile, from the edge on.
+        let mut next = INSET * spacing;
+        for &[below, above] in profile.array_windows() {
+            let length = below.distance(above);
+            let slope = (above - below) / length;
+            while next < length {
+                let at = below + slope * next;
+                let num = (TAU * at.x / spacing).ceil().max(3.0);
+                for k in 0..num as u16 {
+                    let (sin, cos) = (f32::from(k) * TAU / num).sin_cos();
+                    let out = right * cos + forward * sin;
+                    let up = out * slope.x + self.axis * slope.y;
+                    let along = self.axis.cross(out);
+                    let frame = Mat3::from_cols(along, up, along.cross(up));
+                    discs.push(Gaussian {
+                        position: self.centre + out * at.x + self.axis * at.y,
+                        scale: Vec2::splat(SCALE * spacing),
+                        rotation: rotation::unit(Quat::from_mat3(&frame)),
+                        ..model
+                    });
+                }
+                next += spacing;
+            }
+            next -= length;
+        }
+        for disc in &mut discs {
+            disc.radiance = radiance;
+        }
+        discs
     }
 
     /// Takes out what the shade stands for, and what is in it or in its opening.
     pub(crate) fn clear(&self, gaussians: &Gaussians, keep: &mut [bool]) {
+        let edge = self.profile[0];
+        let angle = |local: Vec2| local.x.atan2(local.y);
         for (i, keep) in keep.iter_mut().enumerate() {
-            let offset = gaussians.positions[i] - self.centre;
-            let distance = offset.length();
+            let local = self.local(gaussians.positions[i]);
+            let distance = local.length();
             if distance > self.reach() {
                 continue;
             }
-            let angle = self.angle(offset.normalize_or_zero());
             let wide = DEVIATIONS * gaussians.scales[i].max_element();
             let is_lit = gaussians.emissions[i] > EMISSION_THRESHOLD;
-            let is_inside = distance < self.radius(angle);
-            let is_below = angle + (wide / distance).atan() > self.edge
-                && angle.cos() >= self.edge.cos() - BELOW;
-            *keep &= !(is_lit || is_inside || is_below);
+            let is_below = angle(local) + (wide / distance).atan() > angle(edge)
+                && local.y / distance >= edge.normalize().y - BELOW;
+            *keep &= !(is_lit || self.holds(local) || is_below);
         }
     }
 }

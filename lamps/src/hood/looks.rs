@@ -27,6 +27,8 @@ const DARK: f32 = 0.3;
 const LEAST_SHOWN: usize = 1;
 const LEAST_HIDDEN: usize = 3;
 const MOST_ASTRAY: f32 = 0.1;
+/// Steps in which the height of a shade is looked for, in radii of the bulb.
+const STEP: f32 = 0.25;
 /// Rings around the bulb, from the edge on, in which the scene is looked at, radians, …
 pub(super) const RING: f32 = 0.12;
 /// … on so many sides, …
@@ -44,7 +46,9 @@ pub(super) struct Bulb {
 
 /// What a view says of a bulb in the direction to its camera.
 pub(super) struct Look {
-    /// Unit vector from the middle of the bulb.
+    /// Place of the camera, world space.
+    eye: Vec3,
+    /// Unit vector to it from the middle of the bulb.
     towards: Vec3,
     /// Distance from its middle of what hides it, and the radiance of that; `None` where it is
     /// shown.
@@ -97,26 +101,57 @@ impl Bulb {
             let pixels = own.map_or(0.0, |(_, pixels)| *pixels);
             if pixels >= SHOWN * 0.25 * PI * width * width {
                 looks.push(Look {
+                    eye: origin,
                     towards,
                     hidden_by: None,
                 });
             } else {
-                hiding.push((towards, origin.distance(centre)));
+                hiding.push((origin, towards));
                 rays.push(Ray::free(origin.to_array(), (-towards).to_array()));
             }
         }
         let met = tracer.trace_rays(&rays)?;
         let hiding = hiding.into_iter().zip(met);
-        looks.extend(hiding.filter_map(|((towards, distance), met)| {
-            let away = distance - met.mean_distance();
+        looks.extend(hiding.filter_map(|((eye, towards), met)| {
+            let away = eye.distance(centre) - met.mean_distance();
             let is_near = (NEAREST * radius..=FARTHEST * radius).contains(&away);
             let is_dark = met.alpha() > 0.5 && met.emission() <= DARK * met.alpha();
             (is_near && is_dark).then_some(Look {
+                eye,
                 towards,
                 hidden_by: Some((away, met.radiance())),
             })
         }));
         Ok(looks)
+    }
+
+    /// Height over the middle of the bulb up to which views that do not see it see a shade.
+    pub(super) fn height_of_shade(
+        &self,
+        axis: Vec3,
+        looks: &[Look],
+        tracer: &dyn Tracer,
+    ) -> Result<f32, TraceError> {
+        let hidden = || looks.iter().filter(|look| look.hidden_by.is_some());
+        let step = STEP * self.radius;
+        let mut height = 0.0;
+        while height < FARTHEST * self.radius {
+            let place = self.centre + axis * (height + step);
+            let ray = |look: &Look| {
+                let towards = (place - look.eye).normalize_or_zero();
+                Ray::free(look.eye.to_array(), towards.to_array())
+            };
+            let met = tracer.trace_rays(&hidden().map(ray).collect::<Vec<_>>())?;
+            let is_covered = |(look, met): &(&Look, Features)| {
+                let away = look.eye.distance(place) - met.mean_distance();
+                met.alpha() > 0.5 && (0.0..=FARTHEST * self.radius).contains(&away)
+            };
+            if 2 * hidden().zip(met).filter(is_covered).count() < hidden().count() {
+                break;
+            }
+            height += step;
+        }
+        Ok(height)
     }
 
     /// The rings around it that are closed in the scene, from an angle to an axis on towards it, up
