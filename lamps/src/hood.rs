@@ -110,7 +110,13 @@ impl Hood {
         let mut profile: Vec<Vec2> = Vec::new();
         for (number, ring) in all {
             let (sin, cos) = (edge - looks::RING * f32::from(number)).sin_cos();
-            let next = WITHIN * wider * ring.radius * Vec2::new(sin, cos);
+            let mut next = WITHIN * wider * ring.radius * Vec2::new(sin, cos);
+            // A shade becomes no wider away from its edge.
+            if let Some(last) = profile.last()
+                && next.x > last.x
+            {
+                next *= last.x / next.x;
+            }
             match profile.last() {
                 Some(last) if next.y >= lid => {
                     profile.push(last.lerp(next, (lid - last.y) / (next.y - last.y)));

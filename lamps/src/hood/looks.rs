@@ -21,7 +21,7 @@ const NEAREST: f32 = 2.0;
 const FARTHEST: f32 = 10.0;
 /// Emission, in parts of opacity, of what views see of a shade, at most: one that shines lets light
 /// through.
-const DARK: f32 = 0.3;
+const DARK: f32 = 0.1;
 /// Views that show the bulb, and that do not, at least, and share of either that may speak against
 /// the edge between them.
 const LEAST_SHOWN: usize = 1;
@@ -29,6 +29,8 @@ const LEAST_HIDDEN: usize = 3;
 const MOST_ASTRAY: f32 = 0.1;
 /// Steps in which the height of a shade is looked for, in radii of the bulb.
 const STEP: f32 = 0.25;
+/// … beside its axis, where a cord would hang.
+const ASIDE: f32 = 1.0;
 /// Rings around the bulb, from the edge on, in which the scene is looked at, radians, …
 pub(super) const RING: f32 = 0.12;
 /// … on so many sides, …
@@ -137,16 +139,24 @@ impl Bulb {
         let mut height = 0.0;
         while height < FARTHEST * self.radius {
             let place = self.centre + axis * (height + step);
-            let ray = |look: &Look| {
-                let towards = (place - look.eye).normalize_or_zero();
-                Ray::free(look.eye.to_array(), towards.to_array())
-            };
-            let met = tracer.trace_rays(&hidden().map(ray).collect::<Vec<_>>())?;
-            let is_covered = |(look, met): &(&Look, Features)| {
-                let away = look.eye.distance(place) - met.mean_distance();
-                met.alpha() > 0.5 && (0.0..=FARTHEST * self.radius).contains(&away)
-            };
-            if 2 * hidden().zip(met).filter(is_covered).count() < hidden().count() {
+            let mut num = 0;
+            for side in [-ASIDE, ASIDE] {
+                let aim = |look: &Look| {
+                    let aside = axis.cross(look.towards).normalize_or_zero();
+                    place + aside * (side * self.radius)
+                };
+                let ray = |look: &Look| {
+                    let towards = (aim(look) - look.eye).normalize_or_zero();
+                    Ray::free(look.eye.to_array(), towards.to_array())
+                };
+                let met = tracer.trace_rays(&hidden().map(ray).collect::<Vec<_>>())?;
+                let is_covered = |(look, met): &(&Look, Features)| {
+                    let away = look.eye.distance(aim(look)) - met.mean_distance();
+                    met.alpha() > 0.5 && (0.0..=FARTHEST * self.radius).contains(&away)
+                };
+                num += hidden().zip(met).filter(is_covered).count();
+            }
+            if num < hidden().count() {
                 break;
             }
             height += step;
