@@ -12,7 +12,7 @@ mod looks;
 use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::shape::Shape;
-use eagpt_scene::discs::{Material, Solid, Surface};
+use eagpt_scene::discs::{INSET_IN_SPACINGS, Material, SCALE_IN_SPACINGS, Solid, Surface};
 use eagpt_scene::median::{median, median_of};
 use eagpt_scene::{Gaussian, Gaussians, Gloss, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
@@ -30,7 +30,7 @@ const WITHIN: f32 = 0.85;
 const MAX_WIDER: f32 = 1.5;
 /// Distance of the lid from the middle of the bulb, in radii of it, at least.
 const LID: f32 = 1.3;
-/// What glows is of the shade up to this times its radius.
+/// Distance up to which something that glows is of the shade, in its radius.
 const AROUND: f32 = 1.25;
 /// Cosine to the axis below that of the edge up to which what hangs there is in the way of light:
 /// the pole of a lamp is not.
@@ -39,14 +39,10 @@ const BELOW: f32 = 0.2;
 const DEVIATIONS: f32 = 1.5;
 /// Albedo of what no view shows well.
 const ALBEDO: f32 = 0.5;
-/// Standard deviation of discs in spacings.
-const SCALE: f32 = 0.75;
 /// Spacing of discs, in radii, …
 const SPACING: f32 = 0.06;
-/// … distance of the outside from the inside, and of the last discs from the edge, in spacings:
-/// what is soft beyond the edge is as much as what is open before it.
+/// … and distance of the outside from the inside in spacings.
 const THICKNESS: f32 = 2.5;
-const INSET: f32 = 1.14;
 
 /// A shade around a bulb.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,7 +77,7 @@ impl Hood {
         };
         let looks = bulb.looks(evidence, (light, group), tracer)?;
         for axis in [up, -up] {
-            let Some(edge) = looks::edge(&looks, axis) else {
+            let Some(edge) = bulb.edge(&looks, axis) else {
                 continue;
             };
             let rings = bulb.rings((axis, edge), tracer)?;
@@ -104,26 +100,26 @@ impl Hood {
         let outside = || looks.iter().filter_map(|look| look.hidden_by);
         let seen = median_of(outside().map(|(distance, _)| distance));
         let wider = (seen / rings[0].radius).clamp(1.0, MAX_WIDER);
-        let lid = (WITHIN * height).max(LID * bulb.radius);
+        let mut lid = (WITHIN * height).max(LID * bulb.radius);
         // At the edge as wide as the first ring.
         let all = (0_u8..).zip(rings.iter().take(1).chain(rings));
         let mut profile: Vec<Vec2> = Vec::new();
         for (number, ring) in all {
             let (sin, cos) = (edge - looks::RING * f32::from(number)).sin_cos();
-            let mut next = WITHIN * wider * ring.radius * Vec2::new(sin, cos);
+            let next = WITHIN * wider * ring.radius * Vec2::new(sin, cos);
+            let Some(&last) = profile.last() else {
+                // A lid is never below the edge.
+                lid = lid.max(next.y);
+                profile.push(next);
+                continue;
+            };
             // A shade becomes no wider away from its edge.
-            if let Some(last) = profile.last()
-                && next.x > last.x
-            {
-                next *= last.x / next.x;
-            }
-            match profile.last() {
-                Some(last) if next.y >= lid => {
-                    profile.push(last.lerp(next, (lid - last.y) / (next.y - last.y)));
-                    break;
-                }
-                Some(last) if next.y <= last.y => (),
-                _ => profile.push(next),
+            let next = next * (last.x / next.x).min(1.0);
+            if next.y > last.y && next.y >= lid {
+                profile.push(last.lerp(next, (lid - last.y) / (next.y - last.y)));
+                break;
+            } else if next.y > last.y {
+                profile.push(next);
             }
         }
         let last = profile[profile.len() - 1];
@@ -202,7 +198,7 @@ impl Hood {
             return discs;
         };
         // Rows along the profile, from the edge on.
-        let mut next = INSET * spacing;
+        let mut next = INSET_IN_SPACINGS * spacing;
         for &[below, above] in profile.array_windows() {
             let length = below.distance(above);
             let slope = (above - below) / length;
@@ -217,7 +213,7 @@ impl Hood {
                     let frame = Mat3::from_cols(along, up, along.cross(up));
                     discs.push(Gaussian {
                         position: self.centre + out * at.x + self.axis * at.y,
-                        scale: Vec2::splat(SCALE * spacing),
+                        scale: Vec2::splat(SCALE_IN_SPACINGS * spacing),
                         rotation: rotation::unit(Quat::from_mat3(&frame)),
                         ..model
                     });
@@ -234,12 +230,12 @@ impl Hood {
 
     /// Takes out what the shade stands for, and what is in it or in its opening.
     pub(crate) fn clear(&self, gaussians: &Gaussians, keep: &mut [bool]) {
-        let edge = self.profile[0];
+        let (edge, reach) = (self.profile[0], self.reach());
         let angle = |local: Vec2| local.x.atan2(local.y);
         for (i, keep) in keep.iter_mut().enumerate() {
             let local = self.local(gaussians.positions[i]);
             let distance = local.length();
-            if distance > self.reach() {
+            if distance > reach {
                 continue;
             }
             let wide = DEVIATIONS * gaussians.scales[i].max_element();

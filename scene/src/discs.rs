@@ -13,7 +13,7 @@ use glam::{Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 
 /// Standard deviation of a disc in spacings.
-const SCALE_IN_SPACINGS: f32 = 0.75;
+pub const SCALE_IN_SPACINGS: f32 = 0.75;
 /// Opacity of a disc.
 const OPACITY: f32 = 0.99;
 /// Spacing of the outermost rows of discs, in that of the others, and how much wider each row
@@ -25,7 +25,7 @@ const NUM_NARROW: usize = 6;
 /// Distance of the outermost discs of a flat surface from its edge, in their spacings: with the
 /// values above, what the soft border of the discs covers beyond the edge is what it leaves open
 /// before it (integrated numerically; 1.13 where all rows are alike).
-const INSET_IN_SPACINGS: f32 = 1.14;
+pub const INSET_IN_SPACINGS: f32 = 1.14;
 /// Discs of a surface whose spacing is not given.
 const DEFAULT_NUM_DISCS: f32 = 2500.0;
 /// Most discs of one surface: a spacing in the wrong unit must not fill the memory.

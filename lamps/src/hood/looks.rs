@@ -1,8 +1,9 @@
-//! What views, and the scene around a bulb, say of a shade.
+//! Evidence of a shade: views of a bulb, and the scene around it.
 
 use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::shape::Shape;
+use eagpt_scene::Camera;
 use eagpt_scene::median::{median, median_of};
 use eagpt_trace::{Features, Ray, TraceError, Tracer};
 use glam::Vec3;
@@ -46,12 +47,10 @@ pub(super) struct Bulb {
     pub(super) radius: f32,
 }
 
-/// What a view says of a bulb in the direction to its camera.
+/// A view of a bulb, shown or hidden.
 pub(super) struct Look {
     /// Place of the camera, world space.
     eye: Vec3,
-    /// Unit vector to it from the middle of the bulb.
-    towards: Vec3,
     /// Distance from its middle of what hides it, and the radiance of that; `None` where it is
     /// shown.
     pub(super) hidden_by: Option<(f32, Vec3)>,
@@ -74,8 +73,8 @@ impl Bulb {
         })
     }
 
-    /// What the views in a `light` say of it, which show it in the pixels of a group; nothing where it is small, in part hidden,
-    /// or behind what is no shade.
+    /// The views of it in a `light`, which show it in the pixels of a group, without those in which
+    /// it is small, or behind something that is no shade.
     pub(super) fn looks(
         &self,
         evidence: &Evidence,
@@ -83,10 +82,10 @@ impl Bulb {
         tracer: &dyn Tracer,
     ) -> Result<Vec<Look>, TraceError> {
         let &Self { centre, radius } = self;
-        let shown: Vec<(Vec3, f32)> = (group.by_view())
+        let shown: Vec<(&Camera, f32)> = (group.by_view())
             .map(|(view, members)| {
                 let weights = members.iter().map(|member| evidence.pixel(member).1.weight);
-                (evidence.sights[view].origin(), weights.sum())
+                (&evidence.sights[view].camera, weights.sum())
             })
             .collect();
         let (mut looks, mut hiding, mut rays) = (Vec::new(), Vec::new(), Vec::new());
@@ -95,36 +94,39 @@ impl Bulb {
             let origin = camera.origin();
             let at = camera.project(centre);
             let width = 2.0 * radius * camera.fx as f32 / at.z;
-            let towards = (origin - centre).normalize_or_zero();
             if !camera.is_in_picture(at) || width < MIN_WIDTH {
                 continue;
             }
-            let own = shown.iter().find(|(eye, _)| *eye == origin);
+            let own = shown.iter().find(|(own, _)| *own == camera);
             let pixels = own.map_or(0.0, |(_, pixels)| *pixels);
             if pixels >= SHOWN * 0.25 * PI * width * width {
                 looks.push(Look {
                     eye: origin,
-                    towards,
                     hidden_by: None,
                 });
             } else {
-                hiding.push((origin, towards));
-                rays.push(Ray::free(origin.to_array(), (-towards).to_array()));
+                hiding.push(origin);
+                let direction = -self.towards(origin);
+                rays.push(Ray::free(origin.to_array(), direction.to_array()));
             }
         }
         let met = tracer.trace_rays(&rays)?;
         let hiding = hiding.into_iter().zip(met);
-        looks.extend(hiding.filter_map(|((eye, towards), met)| {
+        looks.extend(hiding.filter_map(|(eye, met)| {
             let away = eye.distance(centre) - met.mean_distance();
             let is_near = (NEAREST * radius..=FARTHEST * radius).contains(&away);
             let is_dark = met.alpha() > 0.5 && met.emission() <= DARK * met.alpha();
             (is_near && is_dark).then_some(Look {
                 eye,
-                towards,
                 hidden_by: Some((away, met.radiance())),
             })
         }));
         Ok(looks)
+    }
+
+    /// Unit vector from its middle to an eye.
+    fn towards(&self, eye: Vec3) -> Vec3 {
+        (eye - self.centre).normalize_or_zero()
     }
 
     /// Height over the middle of the bulb up to which views that do not see it see a shade.
@@ -142,7 +144,7 @@ impl Bulb {
             let mut num = 0;
             for side in [-ASIDE, ASIDE] {
                 let aim = |look: &Look| {
-                    let aside = axis.cross(look.towards).normalize_or_zero();
+                    let aside = axis.cross(self.towards(look.eye)).normalize_or_zero();
                     place + aside * (side * self.radius)
                 };
                 let ray = |look: &Look| {
@@ -201,24 +203,24 @@ impl Bulb {
         }
         Ok(rings)
     }
-}
 
-/// The angle to `axis`, radians, up to which a bulb is hidden and from which on it is shown.
-pub(super) fn edge(looks: &[Look], axis: Vec3) -> Option<f32> {
-    let angles = |is_hidden: bool| {
-        let some = (looks.iter()).filter(|look| look.hidden_by.is_some() == is_hidden);
-        let cosines = some.map(|look| look.towards.dot(axis));
-        let mut angles: Vec<f32> = cosines.map(|c| c.clamp(-1.0, 1.0).acos()).collect();
-        angles.sort_unstable_by(f32::total_cmp);
-        angles
-    };
-    let (shown, hidden) = (angles(false), angles(true));
-    if shown.len() < LEAST_SHOWN || hidden.len() < LEAST_HIDDEN {
-        return None;
+    /// The angle to `axis`, radians, up to which it is hidden and from which on it is shown.
+    pub(super) fn edge(&self, looks: &[Look], axis: Vec3) -> Option<f32> {
+        let angles = |is_hidden: bool| {
+            let some = (looks.iter()).filter(|look| look.hidden_by.is_some() == is_hidden);
+            let cosines = some.map(|look| self.towards(look.eye).dot(axis));
+            let mut angles: Vec<f32> = cosines.map(|c| c.clamp(-1.0, 1.0).acos()).collect();
+            angles.sort_unstable_by(f32::total_cmp);
+            angles
+        };
+        let (shown, hidden) = (angles(false), angles(true));
+        if shown.len() < LEAST_SHOWN || hidden.len() < LEAST_HIDDEN {
+            return None;
+        }
+        // But for some astray.
+        let astray = |of: &[f32]| (MOST_ASTRAY * of.len() as f32) as usize;
+        let first_shown = shown[astray(&shown)];
+        let last_hidden = hidden[hidden.len() - 1 - astray(&hidden)];
+        (last_hidden < first_shown).then_some(0.5 * (last_hidden + first_shown))
     }
-    // But for some astray.
-    let astray = |of: &[f32]| (MOST_ASTRAY * of.len() as f32) as usize;
-    let first_shown = shown[astray(&shown)];
-    let last_hidden = hidden[hidden.len() - 1 - astray(&hidden)];
-    (last_hidden < first_shown).then_some(0.5 * (last_hidden + first_shown))
 }
