@@ -7,10 +7,10 @@ use crate::fit::shape_search::Fit;
 use crate::fit::{single, windows};
 use crate::group::Group;
 use crate::group::{bearings, grouping};
-use crate::hood::Hood;
 use crate::parts;
 use crate::pixels::measure::{self, Measured};
 use crate::pixels::silhouette::Gaps;
+use crate::shade::Shade;
 use crate::shape::Shape;
 use glam::Vec3;
 use std::cmp::Reverse;
@@ -32,7 +32,7 @@ pub(crate) struct Candidate {
     /// Whether its shape explains what the views show.
     pub(crate) is_clean: bool,
     /// The opaque shade around it.
-    pub(crate) hood: Option<Hood>,
+    pub(crate) shade: Option<Shade>,
 }
 
 impl Candidate {
@@ -182,7 +182,7 @@ fn candidate<'a>(
     Some(Candidate {
         others: others.collect(),
         is_clean: fit.is_clean(&group),
-        hood: None,
+        shade: None,
         group,
         light,
         fit,

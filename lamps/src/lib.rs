@@ -15,12 +15,12 @@ mod clear;
 mod evidence;
 mod fit;
 mod group;
-mod hood;
 mod mount;
 mod parts;
 mod pixels;
 mod place;
 mod seen;
+mod shade;
 pub mod shape;
 
 pub use evidence::Evidence;
@@ -35,9 +35,9 @@ use eagpt_trace::{TraceError, Tracer};
 use fit::shape_search::Fit;
 use glam::Vec3;
 use group::Group;
-use hood::Hood;
 use pixels::measure::Measured;
 use pixels::silhouette::Gaps;
+use shade::Shade;
 use shape::Shape;
 use shape::faces::Solid;
 
@@ -168,15 +168,15 @@ fn put_up_shades(
 ) -> Result<(), TraceError> {
     for c in candidates.iter_mut().filter(|c| c.is_clean) {
         let pixels = (c.light, &c.group);
-        c.hood = Hood::of(evidence, &c.fit.shape, pixels, up, tracer)?;
+        c.shade = Shade::of(evidence, &c.fit.shape, pixels, up, tracer)?;
     }
     let (mut clean, others): (Vec<Candidate>, Vec<Candidate>) = std::mem::take(candidates)
         .into_iter()
         .partition(|c| c.is_clean);
     for other in others {
-        let mut hoods = clean.iter_mut().filter_map(|c| c.hood.as_mut());
-        match hoods.find(|hood| hood.has(other.fit.shape.centre())) {
-            Some(hood) => hood.glow(other.measured.radiance),
+        let mut shades = clean.iter_mut().filter_map(|c| c.shade.as_mut());
+        match shades.find(|shade| shade.has(other.fit.shape.centre())) {
+            Some(shade) => shade.glow(other.measured.radiance),
             None => candidates.push(other),
         }
     }
@@ -189,7 +189,7 @@ fn discs(evidence: &Evidence, c: &Candidate, up: Vec3) -> Gaussians {
     let pixel = pixel_width(evidence, &c.group);
     let is_glass = c.fit.gaps == Gaps::Bars || place::is_on_wall(&c.fit.shape, up);
     let own = place::discs(&c.fit.shape, c.measured.radiance, is_glass, pixel);
-    let shade = c.hood.iter().flat_map(Hood::discs);
+    let shade = c.shade.iter().flat_map(Shade::discs);
     own.iter().chain(shade).collect()
 }
 
@@ -207,8 +207,8 @@ fn room_for(
         ..SceneEdit::nothing(gaussians.len())
     };
     let nums = clear::replaced(gaussians, candidates, &mut edit.keep);
-    let hoods = candidates.iter().filter_map(|c| c.hood.as_ref());
-    hoods.for_each(|hood| hood.clear(gaussians, &mut edit.keep));
+    let shades = candidates.iter().filter_map(|c| c.shade.as_ref());
+    shades.for_each(|shade| shade.clear(gaussians, &mut edit.keep));
     let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
     let faces = mounted.flat_map(|c| {
         let views = c.group.by_view();
@@ -261,7 +261,7 @@ fn lamp(
         size: c.fit.shape.size().to_array(),
         one_sided: c.is_clean && c.fit.shape.flat().is_some(),
         bars: c.is_clean && c.fit.gaps == Gaps::Bars,
-        shade: c.hood.as_ref().map_or(0.0, Hood::reach),
+        shade: c.shade.as_ref().map_or(0.0, Shade::reach),
         area: c.fit.shape.area(),
         radiance: measured.radiance.to_array(),
         power: place::power(&c.fit.shape, measured.radiance).to_array(),

@@ -46,7 +46,7 @@ const THICKNESS: f32 = 2.5;
 
 /// A shade around a bulb.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Hood {
+pub(crate) struct Shade {
     /// Middle of the bulb, world space.
     centre: Vec3,
     /// Unit vector to the middle of the shade.
@@ -59,7 +59,7 @@ pub(crate) struct Hood {
     outside: Vec3,
 }
 
-impl Hood {
+impl Shade {
     /// The shade of a lamp, if it has one, whose pixels in a `light` are those of a group; `up` is
     /// the unit vector upwards.
     ///
