@@ -1,5 +1,6 @@
 //! Tests of datasets: what opens, what is refused, what a round trip keeps.
 
+mod cameras;
 mod open;
 mod split;
 mod views;
