@@ -168,7 +168,8 @@ fn put_up_shades(
 ) -> Result<(), TraceError> {
     for c in candidates.iter_mut().filter(|c| c.is_clean) {
         let pixels = (c.light, &c.group);
-        c.shade = Shade::of(evidence, &c.fit.shape, pixels, up, tracer)?;
+        let lamp = (&c.fit.shape, c.measured.radiance);
+        c.shade = Shade::of(evidence, lamp, pixels, up, tracer)?;
     }
     let (mut clean, others): (Vec<Candidate>, Vec<Candidate>) = std::mem::take(candidates)
         .into_iter()
@@ -262,6 +263,7 @@ fn lamp(
         one_sided: c.is_clean && c.fit.shape.flat().is_some(),
         bars: c.is_clean && c.fit.gaps == Gaps::Bars,
         shade: c.shade.as_ref().map_or(0.0, Shade::reach),
+        reach: 0.0,
         area: c.fit.shape.area(),
         radiance: measured.radiance.to_array(),
         power: place::power(&c.fit.shape, measured.radiance).to_array(),

@@ -2,11 +2,13 @@
 //!
 //! Views from below show a bulb, those from higher up the shade that hides it. What closes the
 //! shade beyond, no view shows, and training leaves it open there: the bulb would light the walls
-//! above as if it were bare. Its sides are of glowing discs, as views from below show the inside,
+//! above as if it were bare. Whether the shade is open there, what is above tells: the bulb would
+//! light it. Its sides are of glowing discs, as views from below show the inside,
 //! and these send light to either side; some hang into the opening. Here the shade is made one
 //! surface as wide as the scene has it around the bulb, with a flat lid over the last ring that is
-//! closed. What glows inside it, in masks a lamp of its own without a shape, is a part of it.
+//! closed, in which light leaves an opening. What glows inside it, in masks a lamp of its own without a shape, is a part of it.
 
+mod above;
 mod looks;
 
 use crate::evidence::Evidence;
@@ -54,20 +56,22 @@ pub(crate) struct Shade {
     /// Distances from the axis and heights over the middle of the bulb, scene units, from the edge
     /// up to the lid.
     profile: Vec<Vec2>,
+    /// Whether a lid closes the end of the profile.
+    is_closed: bool,
     /// Radiance of the inside, whether it emits, and radiance of the outside.
     inside: (Vec3, bool),
     outside: Vec3,
 }
 
 impl Shade {
-    /// The shade of a lamp, if it has one, whose pixels in a `light` are those of a group; `up` is
-    /// the unit vector upwards.
+    /// The shade of a lamp of a radiance, if it has one, whose pixels in a `light` are those of a
+    /// group; `up` is the unit vector upwards.
     ///
     /// # Errors
     /// If the device fails.
     pub(crate) fn of(
         evidence: &Evidence,
-        lamp: &Shape,
+        (lamp, radiance): (&Shape, Vec3),
         (light, group): (usize, &Group),
         up: Vec3,
         tracer: &dyn Tracer,
@@ -83,7 +87,10 @@ impl Shade {
             let rings = bulb.rings((axis, edge), tracer)?;
             if rings.len() >= LEAST_RINGS {
                 let height = bulb.height_of_shade(axis, &looks, tracer)?;
-                return Ok(Some(Self::new(&bulb, (axis, edge, height), &rings, &looks)));
+                let mut shade = Self::new(&bulb, (axis, edge, height), &rings, &looks);
+                let opening = above::opening(&bulb, (axis, edge), (&rings, radiance), tracer)?;
+                shade.open(opening);
+                return Ok(Some(shade));
             }
         }
         Ok(None)
@@ -130,8 +137,21 @@ impl Shade {
             centre: bulb.centre,
             axis,
             profile,
+            is_closed: true,
             inside: (median(&rings.iter().map(|ring| ring.radiance)), false),
             outside: median(&outside().map(|(_, radiance)| radiance)),
+        }
+    }
+
+    /// Opens it up to an angle to its axis, radians; 0 leaves it closed.
+    fn open(&mut self, opening: f32) {
+        if opening > 0.0 {
+            let rim = self.profile[self.profile.len() - 1];
+            let next = rim.y * opening.tan();
+            if next < rim.x {
+                self.profile.push(Vec2::new(next, rim.y));
+            }
+            self.is_closed = false;
         }
     }
 
@@ -197,6 +217,9 @@ impl Shade {
         let Some(model) = discs.first().copied() else {
             return discs;
         };
+        if !self.is_closed {
+            discs.clear();
+        }
         // Rows along the profile, from the edge on.
         let mut next = INSET_IN_SPACINGS * spacing;
         for &[below, above] in profile.array_windows() {

@@ -110,13 +110,13 @@ fn free(scene: &Gaussians, (centre, radius): (Vec3, f32), sine: f32) -> f32 {
 }
 
 #[test]
-fn a_shade_that_hides_its_bulb_from_the_side_is_closed_above() {
+fn a_low_shade_is_closed_above_unless_the_ceiling_is_lit() {
     let (centre, radius) = (Vec3::new(0.1, 0.1, 2.0), 0.05);
     let bulb = Shape::Ball { centre, radius };
     let sides = sides(centre - Vec3::Z * 0.08, LOW);
     let shade: Vec<Shape> = sides.iter().copied().map(Shape::Rectangle).collect();
-    let found = |shade: &[Shape], discs: Vec<Gaussian>| {
-        let scene: Gaussians = (room().iter())
+    let found_in = |room: &[Gaussian], shade: &[Shape], discs: Vec<Gaussian>| {
+        let scene: Gaussians = (room.iter().copied())
             .chain(discs)
             .chain(heap(&bulb, RADIANCE))
             .collect();
@@ -129,6 +129,8 @@ fn a_shade_that_hides_its_bulb_from_the_side_is_closed_above() {
         let found = find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
         (found.edit.applied(&scene), found.lamps.lamps)
     };
+    let dark: Vec<Gaussian> = room().iter().collect();
+    let found = |shade: &[Shape], discs: Vec<Gaussian>| found_in(&dark, shade, discs);
     let (scene, lamps) = found(&shade, sides.iter().flat_map(discs).collect());
     let [lamp] = lamps.as_slice() else {
         panic!("{lamps:?}");
@@ -147,6 +149,25 @@ fn a_shade_that_hides_its_bulb_from_the_side_is_closed_above() {
         (-0.95, 1.0),
     ] {
         assert_eq!(free(&scene, bulb, sine), expected, "{sine}");
+    }
+    // Open if the ceiling is lit, which its edge lets up to 47 degrees beside the axis.
+    let lit: Vec<Gaussian> = (room().iter())
+        .map(|disc| {
+            let offset = disc.position - centre;
+            let cos = offset.normalize().z;
+            let share = (radius / offset.length()).powi(2) * cos;
+            let is_lit = cos * RADIUS > (1.0 - cos * cos).sqrt() * (LOW - 0.08);
+            let more = if is_lit { 0.5 * share } else { 0.0 };
+            Gaussian {
+                radiance: disc.radiance + RADIANCE * more,
+                ..disc
+            }
+        })
+        .collect();
+    let (open, lamps) = found_in(&lit, &shade, sides.iter().flat_map(discs).collect());
+    assert!((0.25..0.32).contains(&lamps[0].shade), "{}", lamps[0].shade);
+    for (sine, expected) in [(0.95, 1.0), (0.6, 0.0), (0.1, 0.0), (-0.6, 1.0)] {
+        assert_eq!(free(&open, bulb, sine), expected, "{sine}");
     }
     // A bulb that is seen from all sides has none.
     let (scene, lamps) = found(&[], Vec::new());

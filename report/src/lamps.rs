@@ -88,6 +88,7 @@ mod tests {
             one_sided: true,
             bars: false,
             shade: 0.0,
+            reach: 0.0,
             area: 0.4,
             radiance: [330.4, 24.06, 1.505],
             power: [0.25, 0.05, 0.0],

@@ -80,6 +80,10 @@ pub struct Lamp {
     /// Radius of the opaque shade around it, whose inside shines with it, scene units; 0 without.
     #[serde(default)]
     pub shade: f32,
+    /// Distance from its box up to which what emits, if it is in the grown box of no lamp, belongs
+    /// to it, as parts of its fixture that it lights; scene units, 0 without.
+    #[serde(default)]
+    pub reach: f32,
     /// Area that emits, scene units², positive.
     pub area: f32,
     /// Mean radiance of that area, linear Rec.709.
@@ -118,6 +122,7 @@ impl Lamp {
             one_sided: false,
             bars: false,
             shade: 0.0,
+            reach: 0.0,
             area,
             radiance: radiance.to_array(),
             power: (PI * area * radiance).to_array(),
@@ -129,11 +134,17 @@ impl Lamp {
         }
     }
 
-    /// Whether a Gaussian that emits belongs to the lamp if its centre is at `position` (world
-    /// space, scene units): in the box of the lamp, grown on every side by 15 % of its largest
-    /// size, or as large as its shade.
+    /// Whether `position` (world space, scene units) is in the box of the lamp, grown on every side
+    /// by 15 % of its largest size, or as large as its shade.
     pub fn contains(&self, position: Vec3) -> bool {
         self.relative_distance(position) <= 1.0
+    }
+
+    /// Distance of its box from a place, world space, scene units; 0 within.
+    pub fn distance(&self, position: Vec3) -> f32 {
+        let local = self.world_from_lamp().conjugate() * (position - self.centre());
+        let outside = local.abs() - 0.5 * Vec3::from(self.size);
+        outside.max(Vec3::ZERO).length()
     }
 
     /// Distance from the centre in parts of the grown box of [`Self::contains`]: 0 in the centre, 1
@@ -195,7 +206,8 @@ pub struct Lamps {
 impl Lamps {
     /// Index of the lamp that a Gaussian that emits belongs to if its centre is at `position`
     /// (world space, scene units). Of several whose boxes hold it the one with the least
-    /// [`Lamp::relative_distance`], of equal ones the first.
+    /// [`Lamp::relative_distance`], of equal ones the first; where none does, of those within whose
+    /// [`Lamp::reach`] it is the nearest one.
     pub fn of(&self, position: Vec3) -> Option<usize> {
         let distances = self
             .lamps
@@ -205,6 +217,19 @@ impl Lamps {
             .enumerate()
             .filter(|(_, distance)| *distance <= 1.0);
         let nearest = inside.min_by(|a, b| a.1.total_cmp(&b.1));
+        nearest.map(|(index, _)| index).or_else(|| {
+            let reaches = |lamp: &Lamp| lamp.distance(position) <= lamp.reach;
+            self.nearest(position, reaches)
+        })
+    }
+
+    /// Index of the lamp whose box is nearest to `position` (world space, scene units), of those
+    /// that are `among` them; of equal ones the first.
+    pub fn nearest(&self, position: Vec3, among: impl Fn(&Lamp) -> bool) -> Option<usize> {
+        let lamps = self.lamps.iter().enumerate();
+        let lamps = lamps.filter(|(_, lamp)| among(lamp));
+        let distances = lamps.map(|(index, lamp)| (index, lamp.distance(position)));
+        let nearest = distances.min_by(|a, b| a.1.total_cmp(&b.1));
         nearest.map(|(index, _)| index)
     }
 

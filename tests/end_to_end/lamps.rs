@@ -20,6 +20,7 @@ fn lamp(scene: &Gaussians) -> Lamp {
         one_sided: false,
         bars: false,
         shade: 0.0,
+        reach: 0.0,
         area: 1.0,
         radiance: [2.0; 3],
         power: [6.0; 3],

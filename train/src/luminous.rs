@@ -8,6 +8,10 @@
 //! A surface that is no brighter than a white one may reflect: the sill of a window is as bright as
 //! other lamps, and would be black once the window is off. It emits no more.
 
+mod fixtures;
+
+pub(crate) use fixtures::reach;
+
 use crate::bake::emits;
 use crate::error::Result;
 use crate::irradiance;

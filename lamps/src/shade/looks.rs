@@ -62,6 +62,12 @@ pub(super) struct Ring {
     pub(super) radiance: Vec3,
 }
 
+/// The angles of rings to the axis, radians, from the edge on.
+pub(super) fn ring_angles(edge: f32) -> impl Iterator<Item = f32> {
+    let angles = (1_u8..).map(move |number| edge - RING * f32::from(number));
+    angles.take_while(|angle| *angle > 0.5 * RING)
+}
+
 impl Bulb {
     /// The ball of the same area as a lamp, if that is about as long as wide: of small ones views
     /// tell a ball from a drum badly.
@@ -173,24 +179,11 @@ impl Bulb {
         (axis, edge): (Vec3, f32),
         tracer: &dyn Tracer,
     ) -> Result<Vec<Ring>, TraceError> {
-        let (right, forward) = axis.any_orthonormal_pair();
         let start = NEAREST * self.radius;
         let reach = (FARTHEST - NEAREST) * self.radius;
         let mut rings = Vec::new();
-        for number in 1.. {
-            let angle = edge - RING * number as f32;
-            if angle <= 0.5 * RING {
-                break;
-            }
-            let ray = |side: u8| {
-                let turn = TAU * f32::from(side) / f32::from(NUM_SIDES);
-                let aside = right * turn.cos() + forward * turn.sin();
-                let towards = axis * angle.cos() + aside * angle.sin();
-                let origin = self.centre + towards * start;
-                Ray::free(origin.to_array(), towards.to_array())
-            };
-            let rays: Vec<Ray> = (0..NUM_SIDES).map(ray).collect();
-            let met = tracer.trace_rays(&rays)?;
+        for angle in ring_angles(edge) {
+            let met = tracer.trace_rays(&self.rays((axis, angle), start))?;
             let is_covered = |met: &&Features| met.alpha() > 0.5 && met.mean_distance() <= reach;
             let covered: Vec<&Features> = met.iter().filter(is_covered).collect();
             if (covered.len() as f32) < COVERED * f32::from(NUM_SIDES) {
@@ -202,6 +195,19 @@ impl Bulb {
             });
         }
         Ok(rings)
+    }
+
+    /// Rays away from it at an angle to an axis, on all sides, from a distance on.
+    pub(super) fn rays(&self, (axis, angle): (Vec3, f32), start: f32) -> Vec<Ray> {
+        let (right, forward) = axis.any_orthonormal_pair();
+        let ray = |side: u8| {
+            let turn = TAU * f32::from(side) / f32::from(NUM_SIDES);
+            let aside = right * turn.cos() + forward * turn.sin();
+            let towards = axis * angle.cos() + aside * angle.sin();
+            let origin = self.centre + towards * start;
+            Ray::free(origin.to_array(), towards.to_array())
+        };
+        (0..NUM_SIDES).map(ray).collect()
     }
 
     /// The angle to `axis`, radians, up to which it is hidden and from which on it is shown.

@@ -66,8 +66,10 @@ fn check_lamp(lamp: &Lamp) -> Result<(), (&'static str, String)> {
         let name = lamp.name.escape_debug();
         return Err(("name", format!("`{name}`: empty, or with a * in it")));
     }
-    let not_negative: [(&str, &[f32]); 5] = [
+    let not_negative: [(&str, &[f32]); 7] = [
         ("size", &lamp.size),
+        ("shade", &[lamp.shade]),
+        ("reach", &[lamp.reach]),
         ("radiance", &lamp.radiance),
         ("power", &lamp.power),
         ("deviation", &[lamp.deviation]),

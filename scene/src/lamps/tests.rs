@@ -13,6 +13,7 @@ fn panel() -> Lamp {
         one_sided: true,
         bars: false,
         shade: 0.0,
+        reach: 0.0,
         area: 0.4,
         radiance: [10.0, 9.0, 8.0],
         power: [12.57, 11.31, 10.05],
@@ -34,6 +35,7 @@ fn ball(name: &str, x: f32, size: f32) -> Lamp {
         one_sided: false,
         bars: false,
         shade: 0.0,
+        reach: 0.0,
         ..panel()
     }
 }
@@ -59,6 +61,32 @@ fn the_box_of_a_lamp_is_turned_and_grown() {
     assert!((low - Vec3::new(1.5, 0.0, 0.8)).length() < 1e-6, "{low}");
     assert!((high - Vec3::new(2.5, 0.0, 1.2)).length() < 1e-6, "{high}");
     assert!(!lamp.contains(Vec3::NAN));
+}
+
+#[test]
+fn a_place_in_no_box_belongs_to_a_lamp_that_reaches_it() {
+    let reaching = |name: &str, x: f32, reach: f32| Lamp {
+        reach,
+        ..ball(name, x, 0.4)
+    };
+    let lamps = Lamps {
+        lamps: vec![
+            reaching("lamp-1", 0.0, 2.0),
+            reaching("lamp-2", 1.5, 0.0),
+            reaching("lamp-3", 3.0, 2.0),
+        ],
+    };
+    let of = |x: f32| lamps.of(Vec3::new(x, 0.0, 0.0));
+    assert_eq!(of(0.5), Some(0));
+    // A box is before a reach.
+    assert_eq!(of(1.5), Some(1));
+    assert_eq!(of(1.2), Some(0));
+    assert_eq!(of(1.9), Some(2));
+    assert_eq!(of(-2.1), Some(0));
+    assert_eq!(of(-2.3), None);
+    let lamp = &lamps.lamps[0];
+    assert_eq!(lamp.distance(Vec3::new(0.5, 0.6, 0.0)), 0.5);
+    assert_eq!(lamp.distance(Vec3::splat(0.1)), 0.0);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::run::Run;
 use crate::backend::{Backend, TrainingView};
 use crate::bake::emits;
 use crate::error::Result;
-use crate::luminous::luminous;
+use crate::luminous::{luminous, reach};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_lamps::Evidence;
@@ -72,7 +72,7 @@ impl Run<'_> {
     }
 
     /// Lets what is brighter than it can reflect near lamps emit, before albedos are to explain it,
-    /// and what is not reflect.
+    /// and what is not reflect. What emits beside lamps is theirs.
     pub(super) fn mark_luminous(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<()> {
         let request = self.request;
         let options = &request.options;
@@ -83,13 +83,13 @@ impl Run<'_> {
         let cameras = views.cameras();
         let mut emitting = vec![Vec::new(); views.num_lights()];
         let state = backend.state()?;
-        let (num_moving, scenes) = (state.num_moving(), state.in_lights());
-        for (light, (scene, emitting)) in scenes.iter().zip(&mut emitting).enumerate() {
+        let (num_moving, mut scenes) = (state.num_moving(), state.in_lights());
+        for (light, (scene, emitting)) in scenes.iter_mut().zip(&mut emitting).enumerate() {
             let listed = self.folder.lamps(light);
             if !listed.exists() {
                 continue;
             }
-            let lamps = only_masked(&listed)?;
+            let mut lamps = only_masked(&listed)?;
             let device = &request.device;
             *emitting = luminous(device, (scene, num_moving), &lamps, &cameras, sampling)?;
             let num = emitting.iter().filter(|(_, emits)| *emits).count();
@@ -97,6 +97,17 @@ impl Run<'_> {
                 num,
                 num_lit: emitting.len() - num,
             });
+            for (i, emits) in emitting {
+                scene.emissions[*i] = f32::from(u8::from(*emits));
+            }
+            reach(&mut lamps, scene);
+            write_lamps(&listed, &lamps)?;
+        }
+        let [_, all] = self.folder.all_lamps();
+        if scenes.len() > 1 && all.exists() {
+            let mut lamps = read_lamps(&all)?;
+            reach(&mut lamps, &all_emitting(&scenes));
+            write_lamps(&all, &lamps)?;
         }
         backend.mark_emitting(&emitting)
     }
@@ -128,6 +139,7 @@ fn only_masked(list: &Path) -> Result<Lamps> {
     for lamp in &mut lamps.lamps {
         lamp.strengthen(Vec3::from(lamp.factor).recip());
         lamp.factor = [1.0; 3];
+        lamp.reach = 0.0;
     }
     if lamps != all {
         write_lamps(list, &lamps)?;
