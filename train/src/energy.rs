@@ -14,7 +14,7 @@ use eagpt_trace::{Device, Features};
 use glam::Vec3;
 
 /// Largest albedo of a surface: whiter paints are not sold.
-const MAX_SURFACE: f32 = 0.98;
+pub(crate) const MAX_SURFACE: f32 = 0.98;
 
 /// Darkens the Gaussians of surfaces whose albedo, in the mean of the pixels that `cameras` have of
 /// them, is above [`MAX_SURFACE`] in any channel; returns how many. Pixels that emit more than

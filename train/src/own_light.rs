@@ -4,23 +4,31 @@
 //! emitters, albedo and geometry explain the photographs together, the light of all bounces tells:
 //! it is solved in Gaussian space as [`crate::bake`] does after an edit, and seen by training views
 //! ([`eagpt_eval::psnr_srgb`], [`eagpt_eval::ExposureFit`]). Before an edit nothing should change.
+//!
+//! Bounces multiply: in a white room, albedos that are all too large by a hundredth make it brighter
+//! by four. How bright the room is beside its photographs tells them better than one bounce does,
+//! and they are all made larger or smaller by that ([`balance`]).
+
+mod balance;
+
+pub(crate) use balance::{Balance, balance, multiply_albedos};
 
 use crate::backend::TrainingView;
-use crate::bake::gaussians::GaussianBake;
-use crate::bake::solution::Solution;
 use crate::error::Result;
-use crate::irradiance::usual_samples;
-use crate::progress::BakeProgress;
 use eagpt_eval::{ExposureFit, KnownPixels, psnr_srgb};
-use eagpt_scene::machine::available_memory;
-use eagpt_scene::{Camera, Gaussians, Image};
-use eagpt_trace::transport::MAX_BOUNCES;
+use eagpt_scene::color::luminance;
+use eagpt_scene::median::median_of;
+use eagpt_scene::{Gaussians, Image};
+use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{CameraRays, Device};
 use serde::Serialize;
-use std::ops::ControlFlow;
 
 /// Views compared, at most.
 pub(crate) const MOST_VIEWS: usize = 16;
+/// Pixels of each, at most, whose median is taken.
+const MOST_PIXELS: usize = 1 << 16;
+/// Luminance of a pixel, relative to white, from which on its ratio says something.
+const LEAST_LUMINANCE: f32 = 1e-3;
 
 /// How a scene in its own light compares with the photographs of training views.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -32,35 +40,10 @@ pub struct OwnLight {
     pub exposure_scale: Option<f64>,
     /// The same of each channel.
     pub exposure_scale_rgb: Option<[f64; 3]>,
+    /// The same of the luminance of the median pixel, which errors of single places leave as it is.
+    pub median_scale: Option<f64>,
     /// Number of views.
     pub num_views: usize,
-}
-
-/// Solves the light of `scene` with the cameras of all training views, and compares `views`, of
-/// those some. `None` where nothing emits, or `told` has ended it.
-///
-/// # Errors
-/// If the device fails or a view cannot be read.
-pub(crate) fn measure(
-    (device, seed): (&Device, u64),
-    scene: Gaussians,
-    cameras: &[Camera],
-    views: impl Iterator<Item = Result<TrainingView>>,
-    told: &mut dyn FnMut(BakeProgress) -> ControlFlow<()>,
-) -> Result<Option<OwnLight>> {
-    let solution = Solution {
-        device,
-        cameras,
-        method: GaussianBake {
-            num_samples: Some(num_samples(scene.len(), available_memory())),
-        },
-        max_bounces: MAX_BOUNCES,
-        seed,
-    };
-    let Some(baked) = solution.of(scene, told)? else {
-        return Ok(None);
-    };
-    compare(device, &baked, views)
 }
 
 /// Compares `scene` with `views`; `None` without any.
@@ -75,6 +58,7 @@ pub(crate) fn compare(
     let tracer = device.scene(scene)?;
     let mut exposure = ExposureFit::default();
     let (mut total, mut num_views) = (0.0, 0);
+    let mut ratios = Vec::new();
     for training in views {
         let view = training?.view;
         let finer = view.camera.magnified(CameraRays::RAYS_PER_AXIS);
@@ -97,14 +81,33 @@ pub(crate) fn compare(
         let emission = part(known.as_ref(), emission);
         total += psnr_srgb(&reference, &test);
         exposure.add(&reference, &test, emission.as_ref());
+        add_ratios(&mut ratios, (&reference, &test), emission.as_ref());
         num_views += 1;
     }
     Ok((num_views > 0).then(|| OwnLight {
         psnr_srgb_db: total / num_views as f64,
         exposure_scale: exposure.scale(),
         exposure_scale_rgb: exposure.scale_of_channels(),
+        median_scale: (!ratios.is_empty()).then(|| f64::from(median_of(ratios.into_iter()))),
         num_views,
     }))
+}
+
+/// Adds the luminance of pixels of a reference over that of a rendering, of those that do not emit
+/// and are neither black nor brighter than 1.
+fn add_ratios(
+    ratios: &mut Vec<f32>,
+    (reference, test): (&Image<3>, &Image<3>),
+    emission: Option<&Image<1>>,
+) {
+    let step = reference.pixels().len().div_ceil(MOST_PIXELS);
+    for i in (0..reference.pixels().len()).step_by(step) {
+        let emits = emission.is_some_and(|mask| mask.pixels()[i][0] > EMISSION_THRESHOLD);
+        let [reference, test] = [reference, test].map(|image| luminance(image.pixels()[i]));
+        if !emits && (LEAST_LUMINANCE..=1.0).contains(&reference) && test > 0.0 {
+            ratios.push(reference / test);
+        }
+    }
 }
 
 /// The known pixels of an image; `None` without any.
@@ -112,38 +115,5 @@ fn part<const C: usize>(known: Option<&KnownPixels>, image: &Image<C>) -> Option
     match known {
         Some(known) => known.of(image),
         None => Some(image.clone()),
-    }
-}
-
-/// Directions at each of `num` Gaussians whose entries half of the `available` memory holds.
-fn num_samples(num: usize, available: Option<u64>) -> u32 {
-    let each = 4 * num.max(1) as u64;
-    let most = available.map_or(u64::MAX, |bytes| bytes / 2 / each);
-    u64::from(usual_samples(num)).min(most).max(2) as u32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use eagpt_testkit::gaussians::random_cloud;
-
-    #[test]
-    fn a_scene_without_emitters_is_left_alone() {
-        let mut scene = random_cloud(20, 1);
-        scene.emissions.fill(0.1);
-        let mut told = |step| panic!("{step:?}");
-        let device = (&Device::Cpu, 0);
-        let found = measure(device, scene, &[], std::iter::empty(), &mut told);
-        assert_eq!(found.unwrap(), None);
-    }
-
-    #[test]
-    fn fewer_directions_are_traced_where_memory_is_short() {
-        let usual = usual_samples(1000);
-        assert_eq!(num_samples(1000, None), usual);
-        assert_eq!(num_samples(1000, Some(1 << 30)), usual);
-        assert_eq!(num_samples(1000, Some(2 * 4 * 1000 * 20)), 20);
-        assert_eq!(num_samples(1000, Some(0)), 2);
-        assert_eq!(num_samples(0, Some(1 << 30)), usual);
     }
 }

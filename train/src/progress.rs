@@ -118,6 +118,12 @@ pub enum TrainProgress {
         /// Surfaces.
         num: usize,
     },
+    /// Albedos of all surfaces are larger or smaller, so that the scene in its own light is as
+    /// bright as its photographs.
+    AlbedosBalanced {
+        /// Their factor.
+        scale: f32,
+    },
     /// Surfaces that reflected more than they received are darker now.
     AlbedosLimited {
         /// Gaussians.

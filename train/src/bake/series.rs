@@ -4,6 +4,7 @@ use super::receivers::Receivers;
 use crate::irradiance::NoisyLight;
 use crate::irradiance::smooth::Smoothing;
 use crate::progress::BakeProgress;
+use eagpt_scene::color::luminance;
 use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use glam::Vec3;
 
@@ -62,6 +63,8 @@ pub(super) struct Reflected {
     pub(super) total: Vec<Vec3>,
     /// Of each part, `[n, parts]`; empty without parts.
     pub(super) parts: Vec<Vec3>,
+    /// Luminance of each bounce, in sum over Gaussians, `[bounces]`.
+    pub(super) bounces: Vec<f64>,
 }
 
 impl Series {
@@ -126,10 +129,10 @@ impl Series {
         }
     }
 
-    /// Light of the last bounce as a share of all.
-    fn share(&self) -> f64 {
-        let sum = |of: &[Vec3]| -> f64 { of.iter().map(|l| f64::from(l.element_sum())).sum() };
-        sum(&self.last) / sum(&self.total).max(f64::MIN_POSITIVE)
+    /// Luminance of the last bounce, in sum over Gaussians.
+    fn last_sum(&self) -> f64 {
+        let luminances = self.last.iter().map(|last| luminance(last.to_array()));
+        luminances.map(f64::from).sum()
     }
 }
 
@@ -142,16 +145,19 @@ pub(super) fn sum_of_bounces(
     told: &mut dyn FnMut(BakeProgress),
 ) -> Reflected {
     let mut series = Series::new(albedos.len(), parts.map_or(0, |parts| parts.num));
+    let mut bounces = Vec::new();
     while series.bounce < max_bounces {
         series.add(albedos, light, parts);
+        bounces.push(series.last_sum());
         told(BakeProgress::Bounced {
             bounce: series.bounce,
-            share: series.share(),
+            share: bounces[bounces.len() - 1] / bounces.iter().sum::<f64>().max(f64::MIN_POSITIVE),
         });
     }
     Reflected {
         total: series.total,
         parts: series.parts,
+        bounces,
     }
 }
 

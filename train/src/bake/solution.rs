@@ -11,9 +11,10 @@ use crate::irradiance;
 use crate::progress::BakeProgress;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
-use eagpt_trace::Device;
 use eagpt_trace::transport::bsdf::equivalent_albedos;
-use eagpt_trace::transport::matrix::TransportMatrix;
+use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
+use eagpt_trace::{Device, Tracer};
+use std::ops::ControlFlow;
 
 /// Options that decide a solution, beside the scene.
 #[derive(Debug)]
@@ -30,27 +31,46 @@ pub(crate) struct Solution<'a> {
     pub(crate) seed: u64,
 }
 
+/// The rays of a scene, which serve any albedos.
+pub(crate) struct TracedScene<'a> {
+    solution: &'a Solution<'a>,
+    tracer: Box<dyn Tracer>,
+    directions: Directions,
+    receivers: Receivers,
+    matrix: TransportMatrix,
+}
+
+/// A scene with its light.
+#[derive(Debug)]
+pub(crate) struct Solved {
+    /// The scene, with the light baked.
+    pub(crate) scene: Gaussians,
+    /// Luminance of what Gaussians reflect by bounces, in sum, `[bounces]`.
+    pub(crate) bounces: Vec<f64>,
+}
+
 impl Solution<'_> {
-    /// The scene with its light baked; `None` where nothing emits, or `told` has ended it.
+    /// Traces a scene; `None` where nothing emits, or `told` has ended it.
     ///
     /// # Errors
     /// If the device fails or has not enough memory.
-    pub(crate) fn of(
+    pub(crate) fn trace(
         &self,
-        mut scene: Gaussians,
+        scene: &Gaussians,
         told: &mut Told<'_>,
-    ) -> Result<Option<Gaussians>> {
+    ) -> Result<Option<TracedScene<'_>>> {
         if !scene.emissions.iter().any(|&e| emits(e)) {
             return Ok(None);
         }
+        let mut scene = scene.clone();
         forget_directions(&mut scene);
         let directions = irradiance::directions(self.method.number(scene.len(), false));
-        let key = RandomKey::new(self.seed, Purpose::Bake, 1);
-        let mut tracer = self.device.scene(&scene)?;
+        let tracer = self.device.scene(&scene)?;
         let cameras = self.cameras.iter();
         let Some(receivers) = Receivers::find(&*tracer, &scene, cameras, told)? else {
             return Ok(None);
         };
+        let key = RandomKey::new(self.seed, Purpose::Bake, 1);
         let mut matrix = TransportMatrix::default();
         let (mut done, total) = (0, receivers.traced.len());
         for piece in receivers.traced.chunks(PIECE) {
@@ -60,24 +80,54 @@ impl Solution<'_> {
             matrix.append(tracer.trace_transport(piece, directions, key)?);
             done += piece.len();
         }
-        let mut goes_on = told(BakeProgress::Gathering { done, total });
+        let goes_on = told(BakeProgress::Gathering { done, total });
+        Ok(goes_on.is_continue().then_some(TracedScene {
+            solution: self,
+            tracer,
+            directions,
+            receivers,
+            matrix,
+        }))
+    }
+}
+
+impl TracedScene<'_> {
+    /// Solves the light of the scene that was traced, whose albedos may differ; `None` where `told`
+    /// has ended it.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub(crate) fn solve(
+        &mut self,
+        mut scene: Gaussians,
+        told: &mut Told<'_>,
+    ) -> Result<Option<Solved>> {
+        forget_directions(&mut scene);
+        let mut goes_on = ControlFlow::Continue(());
         let mut tell = |progress| {
             if goes_on.is_continue() {
                 goes_on = told(progress);
             }
         };
-        let light = Exchange::new(&receivers, &matrix, directions);
-        let bounces = self.max_bounces;
+        let light = Exchange::new(&self.receivers, &self.matrix, self.directions);
+        let &Solution {
+            cameras,
+            max_bounces,
+            seed,
+            ..
+        } = self.solution;
         let albedos = equivalent_albedos(&scene);
-        let reflected = sum_of_bounces(&albedos, &light, bounces, None, &mut tell);
+        let reflected = sum_of_bounces(&albedos, &light, max_bounces, None, &mut tell);
         if goes_on.is_break() {
             return Ok(None);
         }
         scene.radiances = with_emitters(&scene, &reflected.total);
-        let highlights = Highlights::new(&scene, &receivers, self.cameras, self.seed);
-        if let Some(highlights) = highlights {
-            scene.harmonics = highlights.harmonics(&scene, &mut *tracer)?;
+        if let Some(highlights) = Highlights::new(&scene, &self.receivers, cameras, seed) {
+            scene.harmonics = highlights.harmonics(&scene, &mut *self.tracer)?;
         }
-        Ok(Some(scene))
+        Ok(Some(Solved {
+            scene,
+            bounces: reflected.bounces,
+        }))
     }
 }

@@ -5,7 +5,7 @@ use super::run::Run;
 use crate::energy;
 use crate::error::Result;
 use crate::options::StageChoice;
-use crate::own_light::{self, OwnLight};
+use crate::own_light::{self, Balance, OwnLight, multiply_albedos};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_scene::{Gaussians, ply};
@@ -14,9 +14,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 impl Run<'_> {
-    /// Writes the finished scene in each of its lights, and where there are several with the lamps
-    /// of all of them on; returns how the first one, solved, compares with its photographs. Of each
-    /// scene `num_moving` Gaussians are not of clean lamps.
+    /// Finishes the scene in each of its lights, of which `num_moving` Gaussians are not of clean
+    /// lamps, and writes it; returns how the first one, solved, compares with its photographs. It
+    /// is written before that, too, as it would be if it could not be solved.
     pub(super) fn write_scenes(
         &mut self,
         mut scenes: Vec<Gaussians>,
@@ -28,23 +28,35 @@ impl Run<'_> {
             eagpt_mirrors::polish(&self.mirrors, scene, num_moving);
         }
         self.limit_albedos((&mut scenes, num_moving), views)?;
+        self.write_all(&scenes)?;
+        let balance = self.balance((&scenes[0], num_moving), views);
+        if let Some(Balance { scale, .. }) = balance {
+            for scene in &mut scenes {
+                multiply_albedos((scene, num_moving), scale);
+            }
+            self.write_all(&scenes)?;
+        }
+        if self.request.is_watched {
+            let scene = Arc::new(scenes.swap_remove(0));
+            (self.progress)(TrainProgress::Scene { scene });
+        }
+        Ok(balance.map(|balance| balance.own_light))
+    }
+
+    /// Writes the scene in each of its lights, and where there are several with the lamps of all of
+    /// them on.
+    fn write_all(&self, scenes: &[Gaussians]) -> Result<()> {
         for (light, scene) in scenes.iter().enumerate() {
             let path = self.folder.scene(light);
             ply::write_gaussians(&path, scene)?;
             keep_emitting(&self.folder.lamps(light), scene)?;
         }
         if scenes.len() > 1 {
-            let ([path, lamps], scene) = (self.folder.all_lamps(), all_emitting(&scenes));
+            let ([path, lamps], scene) = (self.folder.all_lamps(), all_emitting(scenes));
             ply::write_gaussians(&path, &scene)?;
             keep_emitting(&lamps, &scene)?;
         }
-        let scene = scenes.swap_remove(0);
-        if self.request.is_watched {
-            (self.progress)(TrainProgress::Scene {
-                scene: Arc::new(scene.clone()),
-            });
-        }
-        Ok(self.own_light(scene, views))
+        Ok(())
     }
 
     /// Lets no surface reflect more than it receives, where albedos are trained: `scenes` are one
@@ -70,9 +82,9 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Compares the first light of the scene, solved, with the photographs, where albedos are
-    /// trained. The scene is complete already: that it cannot be done is a warning.
-    fn own_light(&mut self, scene: Gaussians, views: &Views) -> Option<OwnLight> {
+    /// Compares the first light of a scene, solved, with the photographs, where albedos are
+    /// trained, and makes it as bright as these. That it cannot be done is a warning.
+    fn balance(&mut self, scene: (&Gaussians, usize), views: &Views) -> Option<Balance> {
         let request = self.request;
         if request.options.stage == StageChoice::Radiance {
             return None;
@@ -86,9 +98,14 @@ impl Run<'_> {
             }
         };
         let cameras = views.cameras();
-        let compared = views.spread(0, own_light::MOST_VIEWS);
-        match own_light::measure(device, scene, &cameras, compared, &mut told) {
-            Ok(own_light) => own_light,
+        let compared = || views.spread(0, own_light::MOST_VIEWS);
+        match own_light::balance(device, scene, &cameras, compared, &mut told) {
+            Ok(Some(balance)) => {
+                let scale = balance.scale;
+                (self.progress)(TrainProgress::AlbedosBalanced { scale });
+                Some(balance)
+            }
+            Ok(None) => None,
             Err(error) => {
                 self.warn(format!("own light: {error}"));
                 None

@@ -57,7 +57,8 @@ fn baked(scene: Gaussians, cameras: &[Camera]) -> Gaussians {
         seed: 3,
     };
     let mut told = |_| ControlFlow::Continue(());
-    solution.of(scene, &mut told).unwrap().unwrap()
+    let mut traced = solution.trace(&scene, &mut told).unwrap().unwrap();
+    traced.solve(scene, &mut told).unwrap().unwrap().scene
 }
 
 /// Mean difference of `0-bounce` from what a gather sees, over pixels without lamps, as a part
