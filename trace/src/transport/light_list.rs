@@ -231,7 +231,10 @@ impl LightList {
             met.map(|&i| {
                 let disc = &self.discs[i as usize];
                 let mut seen = self.set.surfels[i as usize].seen_from(ray.origin);
-                seen.cut2 = disc.radii[realization];
+                // That the disc is met the tree knows, as that of the scene does. Other roundings
+                // at its rim would give what a BSDF sample has met there the density 0, and with it
+                // the weight of a light that no light sample finds.
+                seen.cut2 = f32::INFINITY;
                 let hit = seen.meet(ray.direction);
                 if seen.counts(&hit) {
                     disc.weight(importances, hit.t, hit.cosine)

@@ -1,4 +1,5 @@
 use super::*;
+use crate::cpu::CpuScene;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics};
 use glam::{Quat, Vec2};
@@ -90,6 +91,38 @@ fn densities_are_those_of_the_samples() {
             |point| list.sample_footprint(importances, origin, point),
         );
     }
+}
+
+/// At the rims of small discs roundings decide whether a ray meets them: those of the scene.
+#[test]
+fn what_a_realization_meets_has_a_density() {
+    let mut gaussians = lamps(200);
+    gaussians.scales.fill(Vec2::new(0.001, 0.02));
+    let scene = CpuScene::new(&gaussians);
+    let list = scene.light_list().unwrap();
+    let surface = receiver();
+    let importances = &list.importances(&surface);
+    let mut num_met = 0;
+    for realization in 0..REALIZATIONS {
+        for (disc, surfel) in list.discs.iter().zip(&list.set.surfels) {
+            let radius = disc.radii[realization].max(0.0).sqrt();
+            for turn in 0..50_u8 {
+                let rim = disc.point(surfel, radius, f32::from(turn) / 50.0);
+                let direction = (rim - surface.position).normalize();
+                let ray = surface.ray(direction);
+                let hit = scene.realization_hit(&ray, realization as u32);
+                if hit.is_some_and(|hit| scene.attributes(hit.index).emission() > 0.5) {
+                    let realization = realization as u32;
+                    let density =
+                        list.density(importances, realization, surface.position, direction);
+                    assert!(density > 0.0, "{realization}: {rim}");
+                    num_met += 1;
+                }
+            }
+        }
+    }
+    // About half of the rims.
+    assert!(num_met > 10_000, "{num_met}");
 }
 
 /// Every emitter is in one cluster, clusters follow each other, and the last cumulative power is
