@@ -31,9 +31,8 @@ impl Run<'_> {
         self.write_all(&scenes)?;
         let balance = self.balance((&scenes[0], num_moving), views);
         if let Some(Balance { scale, .. }) = balance {
-            for scene in &mut scenes {
-                multiply_albedos((scene, num_moving), scale);
-            }
+            multiply_albedos((&mut scenes[0], num_moving), scale);
+            share_albedos(&mut scenes);
             self.write_all(&scenes)?;
         }
         if self.request.is_watched {
@@ -67,16 +66,12 @@ impl Run<'_> {
         views: &Views,
     ) -> Result<()> {
         let request = self.request;
-        let [first, others @ ..] = scenes else {
-            return Ok(());
-        };
         if request.options.stage != StageChoice::Radiance {
             let threshold = request.options.albedo.emission_threshold;
             let (device, cameras) = (&request.device, views.cameras());
-            let num = energy::limit_albedos(device, (first, num_moving), &cameras, threshold)?;
-            for other in others {
-                other.albedos.clone_from(&first.albedos);
-            }
+            let first = (&mut scenes[0], num_moving);
+            let num = energy::limit_albedos(device, first, &cameras, threshold)?;
+            share_albedos(scenes);
             (self.progress)(TrainProgress::AlbedosLimited { num });
         }
         Ok(())
@@ -110,6 +105,15 @@ impl Run<'_> {
                 self.warn(format!("own light: {error}"));
                 None
             }
+        }
+    }
+}
+
+/// Gives a scene in all its lights the albedos that it has in the first.
+fn share_albedos(scenes: &mut [Gaussians]) {
+    if let [first, others @ ..] = scenes {
+        for other in others {
+            other.albedos.clone_from(&first.albedos);
         }
     }
 }
