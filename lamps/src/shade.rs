@@ -6,7 +6,8 @@
 //! light it. Its sides are of glowing discs, as views from below show the inside,
 //! and these send light to either side; some hang into the opening. Here the shade is made one
 //! surface as wide as the scene has it around the bulb, with a flat lid over the last ring that is
-//! closed, in which light leaves an opening. What glows inside it, in masks a lamp of its own without a shape, is a part of it.
+//! closed, in which light leaves an opening. What glows inside it, in masks a lamp of its own
+//! without a shape, is a part of it.
 
 mod above;
 mod looks;
@@ -213,13 +214,14 @@ impl Shade {
             material,
             spacing: Some(spacing),
         };
-        let mut discs: Vec<Gaussian> = lid.discs().iter().collect();
-        let Some(model) = discs.first().copied() else {
-            return discs;
+        let lid = lid.discs();
+        let Some(model) = lid.iter().next() else {
+            return Vec::new();
         };
-        if !self.is_closed {
-            discs.clear();
-        }
+        let mut discs: Vec<Gaussian> = match self.is_closed {
+            true => lid.iter().collect(),
+            false => Vec::new(),
+        };
         // Rows along the profile, from the edge on.
         let mut next = INSET_IN_SPACINGS * spacing;
         for &[below, above] in profile.array_windows() {

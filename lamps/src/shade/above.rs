@@ -62,7 +62,7 @@ pub(super) fn opening(
     Ok(0.0)
 }
 
-/// What a ray from a bulb meets.
+/// The place that a ray from a bulb meets, if any.
 fn place(bulb: &Bulb, ray: &Ray, met: &Features, radiance: Vec3) -> Option<Place> {
     if met.alpha() <= 0.5 {
         return None;

@@ -1,4 +1,4 @@
-//! What holds in every room: bounds of the light, units, seeds.
+//! Properties of every room: bounds of the light, units, seeds.
 
 use super::{inside_view, lit_room, mean_and_error, path, render, render_with};
 use eagpt_scene::Gaussians;

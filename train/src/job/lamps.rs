@@ -83,13 +83,13 @@ impl Run<'_> {
         let cameras = views.cameras();
         let mut emitting = vec![Vec::new(); views.num_lights()];
         let state = backend.state()?;
-        let (num_moving, mut scenes) = (state.num_moving(), state.in_lights());
-        for (light, (scene, emitting)) in scenes.iter_mut().zip(&mut emitting).enumerate() {
+        let (num_moving, scenes) = (state.num_moving(), state.in_lights());
+        for (light, (scene, emitting)) in scenes.iter().zip(&mut emitting).enumerate() {
             let listed = self.folder.lamps(light);
             if !listed.exists() {
                 continue;
             }
-            let mut lamps = only_masked(&listed)?;
+            let lamps = only_masked(&listed)?;
             let device = &request.device;
             *emitting = luminous(device, (scene, num_moving), &lamps, &cameras, sampling)?;
             let num = emitting.iter().filter(|(_, emits)| *emits).count();
@@ -97,19 +97,29 @@ impl Run<'_> {
                 num,
                 num_lit: emitting.len() - num,
             });
-            for (i, emits) in emitting {
-                scene.emissions[*i] = f32::from(u8::from(*emits));
+        }
+        backend.mark_emitting(&emitting)?;
+        self.reach_fixtures(&backend.state()?.in_lights())
+    }
+
+    /// Lets the listed lamps reach what emits beside them in each of the lights.
+    fn reach_fixtures(&self, scenes: &[Gaussians]) -> Result<()> {
+        let extend = |list: &Path, scene: &Gaussians| -> Result<()> {
+            if list.exists() {
+                let mut lamps = read_lamps(list)?;
+                reach(&mut lamps, scene);
+                write_lamps(list, &lamps)?;
             }
-            reach(&mut lamps, scene);
-            write_lamps(&listed, &lamps)?;
+            Ok(())
+        };
+        for (light, scene) in scenes.iter().enumerate() {
+            extend(&self.folder.lamps(light), scene)?;
         }
-        let [_, all] = self.folder.all_lamps();
-        if scenes.len() > 1 && all.exists() {
-            let mut lamps = read_lamps(&all)?;
-            reach(&mut lamps, &all_emitting(&scenes));
-            write_lamps(&all, &lamps)?;
+        if scenes.len() > 1 {
+            let [_, all] = self.folder.all_lamps();
+            extend(&all, &all_emitting(scenes))?;
         }
-        backend.mark_emitting(&emitting)
+        Ok(())
     }
 }
 

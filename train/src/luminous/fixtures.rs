@@ -1,8 +1,7 @@
 //! Parts of fixtures that shine with a lamp though they are not of its shape.
 //!
 //! A socket of metal beside a bulb, or the paper around it, is as bright as lamps are, emits, and is
-//! in no lamp's box: it would shine on with the lamp off. Its light is that of the
-//! nearest lamp.
+//! in no lamp's box: it would shine on with the lamp off. Its light is that of the nearest lamp.
 
 use crate::bake::emits;
 use eagpt_scene::color::luminance;
@@ -16,7 +15,7 @@ const LEAST_LIGHT: f32 = 0.02;
 const LEAST_SHARE: f32 = 0.04;
 
 /// Lets each lamp reach what of `scene` emits, belongs to none, and is nearer to it than to others.
-/// What it does not light is left.
+/// Parts that it does not light are left.
 pub(crate) fn reach(lamps: &mut Lamps, scene: &Gaussians) {
     let mut reaches: Vec<f32> = lamps.lamps.iter().map(|lamp| lamp.reach).collect();
     for (i, position) in scene.positions.iter().enumerate() {
@@ -27,12 +26,12 @@ pub(crate) fn reach(lamps: &mut Lamps, scene: &Gaussians) {
             continue;
         };
         let lamp = &lamps.lamps[index];
-        let sphere = PI * lamp.distance(*position).powi(2);
-        let share = (lamp.area / sphere).min(1.0);
+        let distance = lamp.distance(*position);
+        let share = (lamp.area / (PI * distance.powi(2))).min(1.0);
         let light = share * luminance(lamp.radiance);
         let own = luminance(scene.radiances[i].to_array());
         if share >= LEAST_SHARE && light >= LEAST_LIGHT * own {
-            reaches[index] = reaches[index].max(lamp.distance(*position));
+            reaches[index] = reaches[index].max(distance);
         }
     }
     for (lamp, reach) in lamps.lamps.iter_mut().zip(reaches) {

@@ -1,4 +1,4 @@
-//! What is taken of a file: its channels, parts, display window and primaries.
+//! Channels, parts, display window and primaries that are taken of a file.
 
 use super::super::*;
 use super::{Folder, layer};
