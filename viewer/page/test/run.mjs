@@ -238,11 +238,15 @@ async function actions(open, address, size) {
   await page.close();
 }
 
-/** The same on a page that is edited. */
-async function liveActions(open, folder, { lit }) {
+/** The same on a page that is edited, whose script has a step to start with. */
+async function liveActions(open, folder, { lit, lamp }) {
   const options = ["--samples", "2", "--script", join(folder, "random.toml")];
   const server = await serve(lit.scene, lit.dataset, ...options);
   try {
+    const { page } = await open(server.url);
+    await control(page, `power of ${lamp}, stops`, 1);
+    await page.waitForFunction(() => document.querySelector(".script").textContent.includes("[[step]]"), { polling: 100 });
+    await page.close();
     await actions(open, server.url, { width: 1280, height: 760 });
     const num = readFileSync(server.script, "utf8").split("[[step]]").length - 1;
     console.log(`100 actions, a script of ${num} steps`);
