@@ -8,8 +8,9 @@
 
 pub mod smooth;
 
+use eagpt_scene::Gaussians;
 use eagpt_scene::rng::RandomKey;
-use eagpt_trace::transport::matrix::{Directions, Receiver, TransportMatrix};
+use eagpt_trace::transport::matrix::{Directions, Front, Receiver, Tracing, TransportMatrix};
 use eagpt_trace::{TraceError, Tracer};
 use glam::Vec3;
 use smooth::Smoothing;
@@ -39,6 +40,28 @@ pub fn usual_samples(num: usize) -> u32 {
 /// `num_samples` directions at each Gaussian, at least 1.
 pub fn directions(num_samples: u32) -> Directions {
     Directions::divided(num_samples, LIGHTS_EVERY)
+}
+
+/// Rows of the light-transport matrix of `receivers` among `gaussians`, which `tracer` traces, and
+/// of whose `fronts` alone receivers have light.
+///
+/// # Errors
+/// If the device fails.
+pub(crate) fn rows(
+    (tracer, gaussians, fronts): (&dyn Tracer, &Gaussians, &[Front]),
+    receivers: &[Receiver],
+    directions: Directions,
+    key: RandomKey,
+) -> Result<TransportMatrix, TraceError> {
+    let mut matrix = tracer.trace_transport(receivers, directions, key)?;
+    let tracing = Tracing {
+        receivers,
+        directions,
+        key,
+        lights: None,
+    };
+    matrix.darken_backs(&tracing, gaussians, fronts);
+    Ok(matrix)
 }
 
 /// Irradiance over π that `receivers` get of emitters and of the `radiances` that all Gaussians of

@@ -53,7 +53,8 @@ pub(crate) fn luminous(
         return Ok(Vec::new());
     }
     let tracer = device.scene(scene)?;
-    let mut receivers = surfaces::seen(&*tracer, scene.len(), cameras)?;
+    let seen = surfaces::best_seen(&*tracer, scene.len(), cameras)?;
+    let mut receivers = surfaces::receivers(&seen);
     receivers.retain(|(i, _)| may_be(*i as usize));
     let white = irradiance::received(&*tracer, &receivers, &scene.radiances, (num_samples, key))?;
     let receivers = receivers.iter().map(|(i, _)| *i as usize);

@@ -5,9 +5,9 @@
 //! pixel that sees it best.
 
 use crate::error::Result;
-use eagpt_scene::{Camera, Gaussian};
+use eagpt_scene::{Camera, Gaussian, Gaussians};
 use eagpt_trace::blend::Contribution;
-use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::transport::matrix::{Front, Receiver};
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Features, GBuffer, Ray, Tracer};
 use glam::{Mat3, Vec3};
@@ -42,10 +42,35 @@ pub fn coarse<'a>(cameras: impl Iterator<Item = &'a Camera>, num: usize) -> Vec<
     cameras
 }
 
+/// Weight in a pixel from the other side, of that from the side where a Gaussian is seen best, from
+/// which on it is a surface on both sides.
+const BOTH_SIDES: f32 = 0.25;
+
+/// A Gaussian in the pixel that sees it best.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// Its weight there, 0 to 1.
+    pub weight: f32,
+    /// The surface there.
+    pub surface: Surface,
+    /// Its largest weight in pixels that see it from the other side, 0 to 1.
+    behind: f32,
+}
+
+impl Seen {
+    /// The side from which the Gaussian, of unit `normal`, is seen.
+    pub fn front(&self, normal: Vec3) -> Front {
+        if self.behind < BOTH_SIDES * self.weight {
+            Front::of(normal, self.surface.normal)
+        } else {
+            Front::Both
+        }
+    }
+}
+
 /// The best-seen surfaces so far.
 pub struct BestSeen {
-    /// Weight of each Gaussian in its best pixel, 0 to 1, and the surface there.
-    best: Vec<Option<(f32, Surface)>>,
+    best: Vec<Option<Seen>>,
 }
 
 impl BestSeen {
@@ -78,39 +103,68 @@ impl BestSeen {
         for found in contributions {
             let best = &mut self.best[found.gaussian as usize];
             let (weight, pixel) = (found.largest_weight, found.pixel);
-            if best.is_some_and(|(most, _)| weight <= most) {
-                continue;
-            }
             let (x, y) = (pixel % camera.width, pixel / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+            if let Some(best) = best.as_mut().filter(|best| weight <= best.weight) {
+                if direction.dot(best.surface.normal) > 0.0 {
+                    best.behind = best.behind.max(weight);
+                }
+                continue;
+            }
             if let Some(surface) =
                 Surface::at(frame.origin, direction, &features.pixels[pixel as usize])
             {
-                *best = Some((weight, surface));
+                let behind = best.map_or(0.0, |before| {
+                    match surface.normal.dot(before.surface.normal) < 0.0 {
+                        true => before.weight,
+                        false => before.behind,
+                    }
+                });
+                *best = Some(Seen {
+                    weight,
+                    surface,
+                    behind,
+                });
             }
         }
     }
 
-    /// Each Gaussian as it is seen best, with its weight there, 0 to 1; `None` where no camera saw
-    /// it.
-    pub fn finish(self) -> Vec<Option<(f32, Surface)>> {
+    /// Each Gaussian as it is seen best; `None` where no camera saw it.
+    pub fn finish(self) -> Vec<Option<Seen>> {
         self.best
     }
 }
 
-/// The Gaussians that `cameras` see of the `num` of `scene`, ascending, each as it is seen best.
+/// Gaussians as `cameras` see them best, `[n]`; `None` where none does.
 ///
 /// # Errors
-/// If the device of the `scene` fails.
-pub fn seen(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Vec<Receiver>> {
+/// If the device of the `scene`, which has `num` Gaussians, fails.
+pub fn best_seen(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Vec<Option<Seen>>> {
     let mut best = BestSeen::new(num);
     for camera in cameras {
         best.add(scene, camera)?;
     }
-    let surfaces = (0..).zip(best.finish());
-    Ok(surfaces
-        .filter_map(|(i, seen)| Some((i, seen?.1)))
-        .collect())
+    Ok(best.finish())
+}
+
+/// The Gaussians that are seen, ascending, each with its surface.
+pub fn receivers(seen: &[Option<Seen>]) -> Vec<Receiver> {
+    let surfaces = (0..).zip(seen);
+    surfaces
+        .filter_map(|(i, seen)| Some((i, seen.as_ref()?.surface)))
+        .collect()
+}
+
+/// The sides from which `gaussians` are seen, `[n]`.
+pub fn fronts(gaussians: &Gaussians, seen: &[Option<Seen>]) -> Vec<Front> {
+    let normals = gaussians
+        .rotations
+        .iter()
+        .map(|r| Mat3::from_quat(*r).z_axis);
+    let front = |(seen, normal): (&Option<Seen>, Vec3)| {
+        seen.as_ref().map_or(Front::Both, |seen| seen.front(normal))
+    };
+    seen.iter().zip(normals).map(front).collect()
 }
 
 /// The surfaces of Gaussians alone, of each its own plane: from the side where one of the `eyes` is,
@@ -159,5 +213,41 @@ fn free_distance(met: &Features) -> f32 {
         met.mean_distance()
     } else {
         f32::INFINITY
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_testkit::gaussians::{look_at, material, rectangle};
+    use eagpt_trace::cpu::CpuScene;
+    use glam::DVec3;
+
+    /// Fronts of a board in the plane z = 0, seen from these heights.
+    fn fronts_from(heights: &[f64]) -> Vec<Front> {
+        let gray = material(Vec3::ZERO, 0.0, Vec3::splat(0.5));
+        let board: Gaussians = rectangle(Vec3::ZERO, Vec3::X, Vec3::Y, 0.25, gray)
+            .into_iter()
+            .collect();
+        let eye = |z: &f64| look_at(DVec3::new(0.3, 0.2, *z), DVec3::ZERO, 64, 64);
+        let cameras: Vec<Camera> = heights.iter().map(eye).collect();
+        let scene = CpuScene::new(&board);
+        let seen = best_seen(&scene, board.len(), &cameras).unwrap();
+        let whole = receivers(&seen).len() == board.len();
+        assert!(whole || cameras.is_empty());
+        fronts(&board, &seen)
+    }
+
+    #[test]
+    fn fronts_are_where_cameras_are() {
+        let is_all = |heights: &[f64], front: Front| {
+            let fronts = fronts_from(heights);
+            assert!(fronts.iter().all(|f| *f == front), "{heights:?} {fronts:?}");
+        };
+        is_all(&[3.0, 4.0], Front::Along);
+        is_all(&[-3.0, -4.0], Front::Against);
+        is_all(&[3.0, -3.5], Front::Both);
+        is_all(&[-3.5, 3.0, 4.0], Front::Both);
+        is_all(&[], Front::Both);
     }
 }

@@ -12,14 +12,14 @@
 
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Dataset, Gaussians, ply};
+use eagpt_scene::{Camera, Dataset, Gaussians, ply};
 use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::matrix::{Directions, Receiver};
 use eagpt_train::irradiance::NoisyLight;
 use eagpt_train::irradiance::smooth::Smoothing;
-use eagpt_train::surfaces::BestSeen;
+use eagpt_train::surfaces;
 use glam::Vec3;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -72,15 +72,12 @@ fn errors(got: &[f64], wanted: &[f64], all: &[f64]) -> String {
 /// Gaussians that reflect, where cameras see them best.
 fn receivers(scene: &Gaussians, tracer: &CpuScene) -> Vec<Receiver> {
     let dataset = Dataset::open_cameras(&path("EAGPT_CAMERAS").expect("EAGPT_CAMERAS")).unwrap();
-    let mut best = BestSeen::new(scene.len());
-    for frame in dataset.frames().iter().step_by(2) {
-        best.add(tracer, &frame.camera).unwrap();
-    }
-    (0..)
-        .zip(best.finish())
-        .filter(|(i, _): &(u32, _)| scene.emissions[*i as usize] <= EMISSION_THRESHOLD)
-        .filter_map(|(i, found)| Some((i, found?.1)))
-        .collect()
+    let frames = dataset.frames().iter().step_by(2);
+    let cameras: Vec<Camera> = frames.map(|frame| frame.camera).collect();
+    let seen = surfaces::best_seen(tracer, scene.len(), &cameras).unwrap();
+    let mut receivers = surfaces::receivers(&seen);
+    receivers.retain(|(i, _)| scene.emissions[*i as usize] <= EMISSION_THRESHOLD);
+    receivers
 }
 
 /// Direct and indirect light, `directions` at each.

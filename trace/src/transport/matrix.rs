@@ -13,6 +13,7 @@
 //! [`TransportMatrix::trace`] is the CPU's way; [`crate::Tracer::trace_transport`] is that of any
 //! device.
 
+mod backs;
 mod groups;
 mod relight;
 
@@ -27,6 +28,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
+pub use backs::Front;
 pub use groups::Groups;
 pub use relight::Tracing;
 

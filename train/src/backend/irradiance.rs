@@ -16,7 +16,7 @@ use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::transport::matrix::{Front, Receiver};
 use glam::{Vec3, Vec4};
 use std::ops::Range;
 
@@ -36,6 +36,8 @@ const MIN_KNOWN: f32 = 1e-3;
 pub(super) struct GaussianIrradiance {
     /// Indices and surfaces of the Gaussians seen.
     seen: Vec<Receiver>,
+    /// Sides from which all Gaussians are seen, `[n]`.
+    fronts: Vec<Front>,
     /// Light of emitters, of the first of `seen`.
     direct: NoisyLight,
     /// Light of all others.
@@ -45,13 +47,19 @@ pub(super) struct GaussianIrradiance {
 }
 
 impl GaussianIrradiance {
-    /// Looks for each best pixel of the `num` Gaussians of `scene` in all `cameras`.
+    /// Looks for each best pixel of the `gaussians` that `scene` traces in all `cameras`.
     ///
     /// # Errors
     /// If the device of the `scene` fails.
-    pub(super) fn new(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Self> {
+    pub(super) fn new(
+        scene: &dyn Tracer,
+        gaussians: &Gaussians,
+        cameras: &[Camera],
+    ) -> Result<Self> {
+        let seen = surfaces::best_seen(scene, gaussians.len(), cameras)?;
         Ok(Self {
-            seen: surfaces::seen(scene, num, cameras)?,
+            seen: surfaces::receivers(&seen),
+            fronts: surfaces::fronts(gaussians, &seen),
             direct: NoisyLight::default(),
             indirect: NoisyLight::default(),
             irradiance: Vec::new(),
@@ -63,24 +71,24 @@ impl GaussianIrradiance {
         self.seen.len()
     }
 
-    /// Gathers for the next of them, `range`, in `num_samples` directions at each. `radiances` are
-    /// those of all Gaussians of the `scene`, and random numbers are those of `key`. The light is
-    /// known once all is gathered.
+    /// Gathers for the next of them, `range`, in `num_samples` directions at each, of the light of
+    /// the `gaussians` that `scene` traces; random numbers are those of `key`. The light is known
+    /// once all is gathered.
     ///
     /// # Errors
     /// If the device of the `scene` fails.
     pub(super) fn gather(
         &mut self,
-        scene: &dyn Tracer,
-        radiances: &[Vec3],
+        (scene, gaussians): (&dyn Tracer, &Gaussians),
         range: Range<usize>,
         num_samples: u32,
         key: RandomKey,
     ) -> Result<()> {
         debug_assert_eq!(range.start, self.direct.irradiance.len());
         let directions = irradiance::directions(num_samples);
-        let matrix = scene.trace_transport(&self.seen[range], directions, key)?;
-        let indirect = NoisyLight::indirect(&matrix, directions, radiances);
+        let scene = (scene, gaussians, self.fronts.as_slice());
+        let matrix = irradiance::rows(scene, &self.seen[range], directions, key)?;
+        let indirect = NoisyLight::indirect(&matrix, directions, &gaussians.radiances);
         self.direct.append(NoisyLight::direct(&matrix, directions));
         self.indirect.append(indirect);
         if self.direct.irradiance.len() == self.seen.len() {
@@ -200,6 +208,7 @@ mod tests {
         };
         let irradiance = GaussianIrradiance {
             seen: vec![(0, surface)],
+            fronts: Vec::new(),
             direct: NoisyLight::default(),
             indirect: NoisyLight::default(),
             irradiance: vec![Vec3::splat(0.5)],
@@ -235,10 +244,10 @@ mod tests {
         let cameras = [DVec3::X, DVec3::Y].map(|to| look_at(DVec3::ZERO, to, 96, 96));
         let [plain, sampled] = [&scene, &lit].map(|scene| {
             let tracer = CpuScene::new(scene);
-            let mut gathered = GaussianIrradiance::new(&tracer, scene.len(), &cameras).unwrap();
+            let mut gathered = GaussianIrradiance::new(&tracer, scene, &cameras).unwrap();
             let key = RandomKey::new(3, Purpose::Albedo, 0);
             let all = 0..gathered.len();
-            (gathered.gather(&tracer, &scene.radiances, all, 64, key)).unwrap();
+            (gathered.gather((&tracer, scene), all, 64, key)).unwrap();
             let parts = gathered
                 .direct
                 .irradiance

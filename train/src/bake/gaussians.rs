@@ -95,6 +95,7 @@ impl Bake<'_> {
                 sampled: evened.unwrap_or(&self.scene),
                 lights,
                 cameras: &self.cameras(),
+                fronts: &traced.receivers.fronts,
                 directions,
                 key: self.key(),
             };
@@ -244,7 +245,8 @@ impl Bake<'_> {
                 return Ok(None);
             }
             let piece = &traced.receivers.traced[done..total.min(done + PIECE)];
-            match tracer.trace_transport(piece, directions, key) {
+            let among = (tracer, &self.scene, traced.receivers.fronts.as_slice());
+            match irradiance::rows(among, piece, directions, key) {
                 Ok(more) => traced.matrix.append(more),
                 Err(error) => {
                     traced.write(path)?;

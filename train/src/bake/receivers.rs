@@ -12,7 +12,7 @@ use crate::progress::BakeProgress;
 use crate::surfaces::{self, BestSeen};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::transport::matrix::{Front, Receiver};
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -45,6 +45,8 @@ pub(super) struct Receivers {
     pub(super) traced: Vec<Receiver>,
     /// The others.
     pub(super) faint: Vec<Faint>,
+    /// The sides from which all Gaussians are seen, `[n]`, which alone light others.
+    pub(super) fronts: Vec<Front>,
 }
 
 /// A Gaussian for which no rays are traced.
@@ -89,12 +91,16 @@ impl Receivers {
         let unseen = unseen.map(|i| scene.get(i as usize));
         let mut lone = surfaces::lone(tracer, unseen, &[])?.into_iter();
         let surface = |i: u32| {
-            let (weight, surface) = seen[i as usize].or_else(|| Some((0.0, lone.next()?)))?;
+            let best = seen[i as usize].map(|seen| (seen.weight, seen.surface));
+            let (weight, surface) = best.or_else(|| Some((0.0, lone.next()?)))?;
             Some((weight, (i, surface)))
         };
         let all: Vec<(f32, Receiver)> = reflecting().filter_map(surface).collect();
         let least = least_traced(all.iter().map(|(weight, _)| *weight));
-        Ok(Some(Self::divided(scene, &all, least)))
+        Ok(Some(Self {
+            fronts: surfaces::fronts(scene, &seen),
+            ..Self::divided(scene, &all, least)
+        }))
     }
 
     /// Receivers with their weights in the pixels that see them best, ascending, divided into those
@@ -108,6 +114,7 @@ impl Receivers {
         let mut divided = Self {
             traced: traced.receivers,
             faint: Vec::new(),
+            fronts: Vec::new(),
         };
         for ((_, one), sources) in faint.iter().zip(followed) {
             match sources {
@@ -293,7 +300,11 @@ mod tests {
             bsdf: 4,
             to_lights: 0,
         };
-        let receivers = Receivers::divided(&scene, &all, FAINT);
+        let fronts = (0..scene.len()).map(|i| [Front::Both, Front::Along, Front::Against][i % 3]);
+        let receivers = Receivers {
+            fronts: fronts.collect(),
+            ..Receivers::divided(&scene, &all, FAINT)
+        };
         assert!(!receivers.faint.is_empty());
         let traced = TracedTransport::new(Key::new(), directions, &scene, receivers);
         let folder = tempfile::tempdir().unwrap();

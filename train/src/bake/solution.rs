@@ -77,7 +77,8 @@ impl Solution<'_> {
             if told(BakeProgress::Gathering { done, total }).is_break() {
                 return Ok(None);
             }
-            matrix.append(tracer.trace_transport(piece, directions, key)?);
+            let among = (&*tracer, &scene, receivers.fronts.as_slice());
+            matrix.append(irradiance::rows(among, piece, directions, key)?);
             done += piece.len();
         }
         let goes_on = told(BakeProgress::Gathering { done, total });

@@ -20,7 +20,7 @@ use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::lights;
 use eagpt_trace::transport::matrix::{
-    Directions, EMITTER, Groups, NOTHING, Receiver, Tracing, TransportMatrix,
+    Directions, EMITTER, Front, Groups, NOTHING, Receiver, Tracing, TransportMatrix,
 };
 use eagpt_trace::transport::start::Surface;
 use glam::Vec3;
@@ -37,7 +37,7 @@ pub(super) const PIECE: usize = 4096;
 
 const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTTRA",
-    version: 4,
+    version: 5,
     noun: "transport matrix",
 };
 
@@ -63,6 +63,7 @@ struct Header {
     num_lights: usize,
     num_receivers: usize,
     num_faint: usize,
+    num_fronts: usize,
     num_rows: usize,
 }
 
@@ -185,6 +186,7 @@ impl TracedTransport {
             num_lights: self.lights.len(),
             num_receivers: self.receivers.traced.len(),
             num_faint: self.receivers.faint.len(),
+            num_fronts: self.receivers.fronts.len(),
             num_rows: self.num_rows(),
         };
         let receivers: Vec<f32> = (self.receivers.traced.iter())
@@ -199,6 +201,7 @@ impl TracedTransport {
             .map(f32::from_bits)
             .collect();
         let direct: Vec<f32> = self.matrix.direct.iter().flat_map(Vec3::to_array).collect();
+        let fronts: Vec<f32> = self.receivers.fronts.iter().map(|f| f.sign()).collect();
         let floats = |of: &[u32]| of.iter().map(|&i| f32::from_bits(i)).collect::<Vec<f32>>();
         let targets = floats(&self.matrix.targets);
         let light_targets = floats(&self.matrix.light_targets);
@@ -209,6 +212,7 @@ impl TracedTransport {
                 self.lights.as_flattened(),
                 &receivers,
                 &faint,
+                &fronts,
                 &direct,
                 &self.matrix.direct_squares,
                 &targets,
@@ -231,13 +235,14 @@ impl TracedTransport {
             header.num_lights.checked_mul(4),
             header.num_receivers.checked_mul(RECEIVER),
             header.num_faint.checked_mul(FAINT),
+            Some(header.num_fronts),
             header.num_rows.checked_mul(3),
             Some(header.num_rows),
             header.num_rows.checked_mul(bsdf as usize),
             header.num_rows.checked_mul(to_lights as usize),
         ];
         let mut rest = values.as_slice();
-        let mut arrays = [&rest[..0]; 7];
+        let mut arrays = [&rest[..0]; 8];
         for (array, length) in arrays.iter_mut().zip(lengths) {
             (*array, rest) = length
                 .and_then(|length| rest.split_at_checked(length))
@@ -247,6 +252,7 @@ impl TracedTransport {
             lights,
             receivers,
             faint,
+            fronts,
             direct,
             squares,
             targets,
@@ -265,6 +271,7 @@ impl TracedTransport {
                         sources: Sources(*sources),
                     })
                     .collect(),
+                fronts: fronts.iter().map(|&sign| Front::of_sign(sign)).collect(),
             },
             matrix: TransportMatrix {
                 direct: direct
@@ -300,6 +307,7 @@ impl TracedTransport {
             is_index(faint.gaussian) && sources[0] != NO_SOURCE && sources.iter().all(is_source)
         };
         self.lights.len() == emitters(scene).count()
+            && self.receivers.fronts.len() == scene.len()
             && (self.receivers.traced.iter()).all(|(index, _)| is_index(*index))
             && self.receivers.faint.iter().all(has_sources)
             && self.matrix.targets.iter().all(is_target)

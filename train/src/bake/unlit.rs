@@ -7,14 +7,14 @@
 use super::receivers::Receivers;
 use super::transport::{PIECE, TracedTransport};
 use crate::error::Result;
-use crate::irradiance::NoisyLight;
 use crate::irradiance::smooth::Smoothing;
+use crate::irradiance::{self, NoisyLight};
 use crate::surfaces;
 use eagpt_scene::files::Key;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, LightGroups, light_basis::NO_LIGHT};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::matrix::{Directions, Receiver};
+use eagpt_trace::transport::matrix::{Directions, Front, Receiver};
 use glam::Vec3;
 
 /// Rays to and from the emitters of a scene.
@@ -26,6 +26,8 @@ pub(super) struct Unlit<'a> {
     pub(super) lights: &'a LightGroups,
     /// Cameras that see the emitters.
     pub(super) cameras: &'a [Camera],
+    /// The sides from which Gaussians are seen, `[n]`.
+    pub(super) fronts: &'a [Front],
     pub(super) directions: Directions,
     pub(super) key: RandomKey,
 }
@@ -53,6 +55,7 @@ impl Unlit<'_> {
             Receivers {
                 traced: receivers.clone(),
                 faint: Vec::new(),
+                fronts: self.fronts.to_vec(),
             },
         );
         let rows = self.traced(rows)?;
@@ -99,7 +102,8 @@ impl Unlit<'_> {
 
     fn traced(&self, mut rows: TracedTransport) -> Result<TracedTransport> {
         for piece in rows.receivers.traced.chunks(PIECE) {
-            let more = (self.tracer).trace_transport(piece, self.directions, self.key)?;
+            let among = (self.tracer, self.sampled, self.fronts);
+            let more = irradiance::rows(among, piece, self.directions, self.key)?;
             rows.matrix.append(more);
         }
         Ok(rows)

@@ -127,7 +127,7 @@ impl Observations {
         kept.dedup_by_key(|o| (o.gaussian, o.view));
         let (receivers, faint): (Vec<Receiver>, Vec<Receiver>) = (0..)
             .zip(best.finish())
-            .filter_map(|(i, seen): (u32, _)| Some((i, seen?.1)))
+            .filter_map(|(i, seen): (u32, _)| Some((i, seen?.surface)))
             .partition(|(i, _)| sums[*i as usize].1 > 0.0);
         let color = |(i, _): &Receiver| sums[*i as usize].0 / sums[*i as usize].1;
         let spread = |(i, _): &Receiver| Moments::spread(moments.iter().map(|of| of[*i as usize]));

@@ -52,7 +52,8 @@ impl Known {
 
     fn glows(&self, gaussians: &Gaussians) -> Vec<Vec<usize>> {
         let tracer = CpuScene::new(gaussians);
-        let receivers = surfaces::seen(&tracer, gaussians.len(), &cameras()).unwrap();
+        let seen = surfaces::best_seen(&tracer, gaussians.len(), &cameras()).unwrap();
+        let receivers = surfaces::receivers(&seen);
         let sampling = (64, RandomKey::new(1, Purpose::Albedo, 1));
         let white = irradiance::received(&tracer, &receivers, &gaussians.radiances, sampling);
         let received: Vec<_> = receivers.into_iter().zip(white.unwrap()).collect();

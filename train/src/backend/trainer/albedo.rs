@@ -29,7 +29,7 @@ impl<S: Tracer> Trainer<S> {
         let gaussians = &parameters.gaussians;
         let lit = irradiance::with_bright_as_emitters(gaussians);
         let scene = (self.gathering).insert(self.scene.device().scene(&lit)?);
-        let irradiance = GaussianIrradiance::new(&**scene, gaussians.len(), cameras)?;
+        let irradiance = GaussianIrradiance::new(&**scene, gaussians, cameras)?;
         let num = irradiance.len();
         self.cache = None;
         let light = parameters.state.lights.current;
@@ -49,9 +49,8 @@ impl<S: Tracer> Trainer<S> {
         let (Some(irradiance), Some(scene)) = (irradiance, &self.gathering) else {
             return Ok(());
         };
-        let radiances = &parameters.gaussians.radiances;
         let key = RandomKey::new(seed, Purpose::Albedo, 0);
-        irradiance.gather(&**scene, radiances, range, num_samples, key)
+        irradiance.gather((&**scene, &parameters.gaussians), range, num_samples, key)
     }
 
     /// See [`crate::backend::Backend::gathered`].

@@ -54,6 +54,7 @@ fn trace(scene: &Gaussians) -> TracedTransport {
     let receivers = Receivers {
         traced,
         faint: Vec::new(),
+        fronts: Vec::new(),
     };
     let mut traced = TracedTransport::new(Key::new(), RAYS, scene, receivers);
     let (scene, receivers) = (CpuScene::new(scene), &traced.receivers.traced);
@@ -123,6 +124,7 @@ fn the_light_of_each_cap_follows_its_own_series() {
         sampled: &scene,
         lights: &groups,
         cameras: &[look_at(DVec3::ZERO, DVec3::X, 8, 8)],
+        fronts: &[],
         directions: RAYS,
         key: key(),
     };
