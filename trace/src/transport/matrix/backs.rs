@@ -4,18 +4,17 @@
 //! within a thing, or beneath a table-top whose underside nobody saw. The light of the front is not
 //! there: rooms in which it is come out too bright, white ones by a tenth. Nothing is known of the
 //! light that is; undersides are dark, and so they are taken for black. Close to where a ray
-//! starts it is another matter: discs of one surface lie at different heights, and a ray that
-//! leaves a lower one meets the backs of others, which have the light of the surface.
+//! starts it is another matter: discs of one surface lie at different heights and tilts, and a ray
+//! that leaves a lower one meets the backs of others, which have the light of the surface.
 
 use super::{NOTHING, Sample, Sampler, Tracing, TransportMatrix};
-use crate::model::OWN_COSINE;
 use eagpt_scene::Gaussians;
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 /// Distance in sizes of the Gaussian that is met up to which it may be part of the surface that the
-/// ray leaves. Measured in two rooms: of the rays that meet a back with a normal like that of where
-/// they start, two thirds to three quarters do so within this distance.
+/// ray leaves. Measured in two rooms: of the rays that meet a back, 11 and 13 % of all, three
+/// quarters and two thirds do so within this distance.
 const OWN_REACH: f32 = 8.0;
 
 /// The side from which a Gaussian is seen.
@@ -86,9 +85,8 @@ impl TransportMatrix {
                     let scale = gaussians.scales[met];
                     let reach = OWN_REACH * (scale.x * scale.y).sqrt();
                     let height = (gaussians.positions[met] - aim.surface.position).dot(normal);
-                    let is_own =
-                        aim.surface.normal.dot(normal) > OWN_COSINE && height <= reach * away;
-                    away > 0.0 && !is_own
+                    // The distance along the ray is the height over the cosine.
+                    away > 0.0 && height > reach * away
                 });
                 if is_back {
                     *target = NOTHING;
