@@ -132,3 +132,6 @@ impl TracedScene<'_> {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests;
