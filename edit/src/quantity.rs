@@ -25,10 +25,7 @@ impl Quantity {
             Self::Opacity => gaussians.opacities[index],
             Self::Radiance => luminance(gaussians.radiances[index].to_array()),
             Self::Albedo => luminance(gaussians.albedos[index].to_array()),
-            Self::Size => {
-                let scale = gaussians.scales[index];
-                (scale.x * scale.y).sqrt()
-            }
+            Self::Size => gaussians.size_of(index),
         }
     }
 }

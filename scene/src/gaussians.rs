@@ -3,7 +3,7 @@
 use crate::gloss::Gloss;
 use crate::harmonics::Harmonics;
 use crate::rng::{Purpose, RandomKey};
-use glam::{Quat, Vec2, Vec3};
+use glam::{Mat3, Quat, Vec2, Vec3};
 
 /// Largest albedo of a Gaussian. A surface reflects no more than it receives; of the Gaussians that
 /// a pixel blends some are brighter than the surface and some darker, where its texture is finer
@@ -140,6 +140,17 @@ impl Gaussians {
             albedo: self.albedos[index],
             gloss: self.gloss_of(index),
         }
+    }
+
+    /// Unit normal of the Gaussian at `index`: the third axis of its frame.
+    pub fn normal_of(&self, index: usize) -> Vec3 {
+        Mat3::from_quat(self.rotations[index]).z_axis
+    }
+
+    /// Size of the Gaussian at `index`, the geometric mean of its scales, scene units.
+    pub fn size_of(&self, index: usize) -> f32 {
+        let scale = self.scales[index];
+        (scale.x * scale.y).sqrt()
     }
 
     /// Specular part of the material of the Gaussian at `index`.

@@ -26,6 +26,10 @@ const RAYS_AT_ONCE: usize = 1 << 18;
 const RAYS: usize = 2_000_000;
 const RAYS_PER_GAUSSIAN: usize = 16;
 
+/// Weight in a pixel from the other side, of that from the side where a Gaussian is seen best, from
+/// which on it is a surface on both sides.
+const BOTH_SIDES: f32 = 0.25;
+
 /// `cameras` with fewer pixels where they have more than it takes to see the surfaces of `num`
 /// Gaussians. All stay: what a camera alone sees has no other.
 pub fn coarse<'a>(cameras: impl Iterator<Item = &'a Camera>, num: usize) -> Vec<Camera> {
@@ -41,10 +45,6 @@ pub fn coarse<'a>(cameras: impl Iterator<Item = &'a Camera>, num: usize) -> Vec<
     }
     cameras
 }
-
-/// Weight in a pixel from the other side, of that from the side where a Gaussian is seen best, from
-/// which on it is a surface on both sides.
-const BOTH_SIDES: f32 = 0.25;
 
 /// A Gaussian in the pixel that sees it best.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -157,14 +157,11 @@ pub fn receivers(seen: &[Option<Seen>]) -> Vec<Receiver> {
 
 /// The sides from which `gaussians` are seen, `[n]`.
 pub fn fronts(gaussians: &Gaussians, seen: &[Option<Seen>]) -> Vec<Front> {
-    let normals = gaussians
-        .rotations
-        .iter()
-        .map(|r| Mat3::from_quat(*r).z_axis);
-    let front = |(seen, normal): (&Option<Seen>, Vec3)| {
-        seen.as_ref().map_or(Front::Both, |seen| seen.front(normal))
+    let front = |(i, seen): (usize, &Option<Seen>)| {
+        let seen = seen.as_ref();
+        seen.map_or(Front::Both, |seen| seen.front(gaussians.normal_of(i)))
     };
-    seen.iter().zip(normals).map(front).collect()
+    seen.iter().enumerate().map(front).collect()
 }
 
 /// The surfaces of Gaussians alone, of each its own plane: from the side where one of the `eyes` is,

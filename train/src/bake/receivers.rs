@@ -187,8 +187,7 @@ impl<'a> Traced<'a> {
     }
 
     fn size(&self, (index, _): &Receiver) -> f32 {
-        let scale = self.scene.scales[*index as usize];
-        (scale.x * scale.y).sqrt()
+        self.scene.size_of(*index as usize)
     }
 
     /// The nearest that are on the same surface as a faint Gaussian; `None` if there is none.

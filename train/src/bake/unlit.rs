@@ -102,7 +102,7 @@ impl Unlit<'_> {
 
     fn traced(&self, mut rows: TracedTransport) -> Result<TracedTransport> {
         for piece in rows.receivers.traced.chunks(PIECE) {
-            let among = (self.tracer, self.sampled, self.fronts);
+            let among = (self.tracer, self.sampled, rows.receivers.fronts.as_slice());
             let more = irradiance::rows(among, piece, self.directions, self.key)?;
             rows.matrix.append(more);
         }

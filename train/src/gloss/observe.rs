@@ -5,7 +5,7 @@ use super::planes::SurfacePlane;
 use super::sampler::Sampler;
 use crate::backend::TrainingView;
 use crate::error::Result;
-use crate::surfaces::BestSeen;
+use crate::surfaces::{self, BestSeen};
 use eagpt_eval::KnownPixels;
 use eagpt_scene::Gloss;
 use eagpt_scene::color::luminance;
@@ -125,10 +125,10 @@ impl Observations {
         let of_best = |o: &Observation| (o.gaussian, o.view, std::cmp::Reverse(o.weight.to_bits()));
         kept.sort_unstable_by_key(of_best);
         kept.dedup_by_key(|o| (o.gaussian, o.view));
-        let (receivers, faint): (Vec<Receiver>, Vec<Receiver>) = (0..)
-            .zip(best.finish())
-            .filter_map(|(i, seen): (u32, _)| Some((i, seen?.surface)))
-            .partition(|(i, _)| sums[*i as usize].1 > 0.0);
+        let (receivers, faint): (Vec<Receiver>, Vec<Receiver>) =
+            surfaces::receivers(&best.finish())
+                .into_iter()
+                .partition(|(i, _)| sums[*i as usize].1 > 0.0);
         let color = |(i, _): &Receiver| sums[*i as usize].0 / sums[*i as usize].1;
         let spread = |(i, _): &Receiver| Moments::spread(moments.iter().map(|of| of[*i as usize]));
         Ok(Self {

@@ -21,6 +21,10 @@ if (!findChromium()) {
   process.exit(0);
 }
 
+/** Waits until the page shows a script with a step. */
+const hasStep = (page) =>
+  page.waitForFunction(() => document.querySelector(".script").textContent.includes("[[step]]"), { polling: 100 });
+
 const picture = (page, view, reference, look) =>
   page
     .evaluate(
@@ -151,7 +155,7 @@ async function served(open, folder, { lit, lamp }) {
   const killed = readFileSync(server.script, "utf8");
   server = await serve(lit.scene, lit.dataset);
   const { page: again } = await open(server.url);
-  await again.waitForFunction(() => document.querySelector(".script").textContent.includes("[[step]]"), { polling: 100 });
+  await hasStep(again);
   assert.equal(await again.$eval(".script", (script) => script.textContent), killed);
   await again.close();
   assert.equal(await server.end("SIGINT"), 0);
@@ -245,7 +249,7 @@ async function liveActions(open, folder, { lit, lamp }) {
   try {
     const { page } = await open(server.url);
     await control(page, `power of ${lamp}, stops`, 1);
-    await page.waitForFunction(() => document.querySelector(".script").textContent.includes("[[step]]"), { polling: 100 });
+    await hasStep(page);
     await page.close();
     await actions(open, server.url, { width: 1280, height: 760 });
     const num = readFileSync(server.script, "utf8").split("[[step]]").length - 1;

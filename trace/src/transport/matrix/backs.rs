@@ -7,9 +7,9 @@
 //! starts it is another matter: discs of one surface lie at different heights and tilts, and a ray
 //! that leaves a lower one meets the backs of others, which have the light of the surface.
 
-use super::{NOTHING, Sample, Sampler, Tracing, TransportMatrix};
+use super::{NOTHING, Sample, Tracing, TransportMatrix};
 use eagpt_scene::Gaussians;
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Distance in sizes of the Gaussian that is met up to which it may be part of the surface that the
@@ -62,11 +62,7 @@ impl TransportMatrix {
     /// Makes [`NOTHING`] of entries of Gaussians met from behind; `fronts` are those of
     /// `gaussians`, `[n]`, all of which the matrix has been traced through.
     pub fn darken_backs(&mut self, tracing: &Tracing<'_>, gaussians: &Gaussians, fronts: &[Front]) {
-        let sampler = Sampler {
-            lights: None,
-            directions: tracing.directions,
-            key: tracing.key,
-        };
+        let sampler = tracing.sampler();
         let rows = (self.targets)
             .par_chunks_exact_mut(tracing.directions.bsdf as usize)
             .zip(tracing.receivers);
@@ -75,20 +71,18 @@ impl TransportMatrix {
             for (sample, target) in (0..).zip(targets) {
                 // Neither `NOTHING` nor what has `EMITTER` is an index.
                 let met = *target as usize;
-                let Some(sign) = fronts.get(met).map(|front| front.sign()) else {
+                let front = fronts.get(met).filter(|front| **front != Front::Both);
+                let Some(sign) = front.map(|front| front.sign()) else {
                     continue;
                 };
-                let normal = sign * Mat3::from_quat(gaussians.rotations[met]).z_axis;
-                let direction = aim.direction(Sample::Bsdf(sample), 0);
-                let is_back = direction.is_some_and(|direction| {
-                    let away = direction.dot(normal);
-                    let scale = gaussians.scales[met];
-                    let reach = OWN_REACH * (scale.x * scale.y).sqrt();
-                    let height = (gaussians.positions[met] - aim.surface.position).dot(normal);
-                    // The distance along the ray is the height over the cosine.
-                    away > 0.0 && height > reach * away
-                });
-                if is_back {
+                let Some(direction) = aim.direction(Sample::Bsdf(sample), 0) else {
+                    continue;
+                };
+                let normal = sign * gaussians.normal_of(met);
+                let away = direction.dot(normal);
+                let height = (gaussians.positions[met] - aim.surface.position).dot(normal);
+                // The distance along the ray is the height over the cosine.
+                if away > 0.0 && height > OWN_REACH * gaussians.size_of(met) * away {
                     *target = NOTHING;
                 }
             }

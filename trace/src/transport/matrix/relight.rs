@@ -22,6 +22,17 @@ pub struct Tracing<'a> {
     pub lights: Option<&'a LightList>,
 }
 
+impl<'a> Tracing<'a> {
+    /// Chooses the directions again.
+    pub(super) fn sampler(&self) -> Sampler<'a> {
+        Sampler {
+            lights: self.lights,
+            directions: self.directions,
+            key: self.key,
+        }
+    }
+}
+
 impl TransportMatrix {
     /// Replaces [`Self::direct`] by that of emitters with other light, `radiances`, `[n]`. The
     /// lights of `tracing` still decide the weights: the mean is right, and the noise that of
@@ -56,12 +67,7 @@ impl TransportMatrix {
         let (bsdf, to_lights) = (bsdf as usize, to_lights as usize);
         let targets = &self.targets[at * bsdf..][..bsdf];
         let light_targets = &self.light_targets[at * to_lights..][..to_lights];
-        let sampler = Sampler {
-            lights: tracing.lights,
-            directions: tracing.directions,
-            key: tracing.key,
-        };
-        let aim = sampler.aim(&tracing.receivers[at]);
+        let aim = tracing.sampler().aim(&tracing.receivers[at]);
         for realization in 0..NUM_REALIZATIONS {
             for sample in aim.samples(realization) {
                 let target = match sample {
