@@ -8,7 +8,7 @@
 use crate::mask::{Mask, Region};
 use eagpt_scene::Image;
 use std::collections::HashSet;
-use std::f32::consts::PI;
+use std::f32::consts::{PI, SQRT_2};
 
 /// A diffuse surface beside a lamp has less of its radiance: it sees no more of the lamp than half
 /// of its sky, has an albedo below 0.8, and the lamp's brightest pixel may be a little brighter
@@ -22,14 +22,21 @@ const BESIDE: Rim = Rim {
     edge: 5.0,
     soft_share: 0.5,
 };
-/// … and of what has no lamp in it, as the ceiling far above one, before which cords may hang: at
-/// most .05 of the rims of lamps of nine rooms fade, and at least .83 of lit surfaces.
+/// … and of what has no lamp in it, as a pool of light on a wall, which a shade before it may cut:
+/// at most .05 of the rims of lamps of nine rooms fade, unless they glow, and .43 to .76 of those of
+/// pools around a floor lamp.
 const ALONE: Rim = Rim {
     edge: 1.5,
-    soft_share: 0.6,
+    soft_share: 0.4,
 };
-/// Ratio of the brightest to the dimmest pixel of what has no lamp in it, at most.
-const MAX_RANGE: f32 = 2.0;
+/// So do the brighter parts of it: .25 to .9 of their rims, where of a lamp amid its glow some part has
+/// a rim of which .14 at most fades.
+const PART: Rim = Rim {
+    edge: 1.5,
+    soft_share: 0.18,
+};
+/// Ratio of the radiances from which on parts are looked at.
+const STEP: f32 = SQRT_2;
 /// Share of the light that would arrive if a surface and the lamp faced each other that it reflects:
 /// its albedo times the mean of both cosines. Of eleven rooms nine tenths of the pixels of each lit
 /// surface are below 0.42, the median of each at most 0.28.
@@ -55,37 +62,90 @@ pub(crate) fn remove(mask: &mut Mask, values: &Image<1>) {
     let mut dim = Mask::empty(width, height);
     let mut alone = Vec::new();
     for region in mask.regions() {
-        let pixels = || region.pixels.iter().map(|&pixel| value(pixel));
-        let [dimmest, brightest] = [
-            pixels().fold(f32::INFINITY, f32::min),
-            pixels().fold(0.0, f32::max),
-        ];
-        if brightest <= MAX_RANGE * dimmest && ALONE.fades(&region, mask, values) {
+        if fades_throughout(&region, mask, values) {
             alone.push(region);
             continue;
         }
+        let brightest = (region.pixels.iter()).fold(0.0, |most: f32, &at| most.max(value(at)));
         for &[x, y] in &region.pixels {
             dim.set(x, y, value([x, y]) < MAX_SHARE * brightest);
         }
     }
     // Surfaces of two regions do not touch.
+    for surface in dim.regions() {
+        for lamp in lamps_behind(&surface, values) {
+            dim.remove(&lamp);
+        }
+    }
     let mut surfaces = dim.regions();
     let mut lamps = mask.clone();
     lamps.subtract(&dim);
-    surfaces
-        .retain(|surface| BESIDE.fades(surface, mask, values) || is_lit(surface, &lamps, values));
+    surfaces.retain(|surface| {
+        BESIDE.fades(&surface.pixels, mask, values) || is_lit(surface, &lamps, values)
+    });
     for surface in surfaces.iter().chain(&alone) {
         mask.remove(surface);
     }
 }
 
+/// Parts of a surface that end at edges within it, as a window behind a shade.
+fn lamps_behind(surface: &Region, values: &Image<1>) -> Vec<Region> {
+    let value = |&[x, y]: &[u32; 2]| values.get(x, y)[0];
+    let brightest = surface.pixels.iter().map(value).fold(0.0, f32::max);
+    let is_bright = |pixel: &[u32; 2]| value(pixel) >= MAX_SHARE * brightest;
+    let (bright, pixels): (Vec<_>, Vec<_>) = surface.pixels.iter().copied().partition(is_bright);
+    let (width, height) = values.size();
+    let rest = Mask::of(&Region { pixels }, [width, height]);
+    let inside = Mask::from_fn(width, height, |x, y| !rest.has(x, y));
+    let mut parts = Mask::of(&Region { pixels: bright }, [width, height]).regions();
+    parts.retain(|part| {
+        let softness = BESIDE.softness(&part.pixels, &inside, values);
+        softness.is_some_and(|share| share <= BESIDE.soft_share)
+    });
+    parts
+}
+
+/// Whether a region of `mask` and all brighter parts of it fade at their rims.
+fn fades_throughout(region: &Region, mask: &Mask, values: &Image<1>) -> bool {
+    let (width, height) = values.size();
+    if !ALONE.fades(&region.pixels, mask, values) {
+        return false;
+    }
+    let value = |&[x, y]: &[u32; 2]| values.get(x, y)[0];
+    let all = || region.pixels.iter().map(value);
+    let brightest = all().fold(0.0, f32::max);
+    let mut level = STEP * all().fold(f32::INFINITY, f32::min);
+    while level <= brightest {
+        let pixels = region.pixels.iter().copied();
+        let pixels: Vec<[u32; 2]> = pixels.filter(|pixel| value(pixel) >= level).collect();
+        let part = Region { pixels };
+        let rim = PART.softness(&part.pixels, &Mask::of(&part, [width, height]), values);
+        let is_soft = match rim {
+            Some(share) => share > PART.soft_share,
+            // The peak of what fades may be a few pixels.
+            None => STEP * level > brightest,
+        };
+        if !is_soft {
+            return false;
+        }
+        level *= STEP;
+    }
+    true
+}
+
 impl Rim {
-    /// Whether the values of a surface in `mask` have no edge at its rim.
-    fn fades(&self, surface: &Region, mask: &Mask, values: &Image<1>) -> bool {
-        let own: HashSet<[u32; 2]> = surface.pixels.iter().copied().collect();
+    /// Whether the values of `pixels` of `mask` have no edge at their rim.
+    fn fades(&self, pixels: &[[u32; 2]], mask: &Mask, values: &Image<1>) -> bool {
+        let softness = self.softness(pixels, mask, values);
+        softness.is_some_and(|share| share > self.soft_share)
+    }
+
+    /// Share of the rim of `pixels` of `mask` that is no edge; none where too little is seen of it.
+    fn softness(&self, pixels: &[[u32; 2]], mask: &Mask, values: &Image<1>) -> Option<f32> {
+        let own: HashSet<[u32; 2]> = pixels.iter().copied().collect();
         let (width, height) = values.size();
         let (mut num, mut num_soft) = (0_usize, 0_usize);
-        for &[x, y] in &surface.pixels {
+        for &[x, y] in pixels {
             // To the left, the right, upwards and downwards.
             for (dx, dy) in [(-1_i64, 0_i64), (1, 0), (0, -1), (0, 1)] {
                 let at = |steps: i64| -> Option<[u32; 2]> {
@@ -102,7 +162,7 @@ impl Rim {
                 }
             }
         }
-        num >= MIN_PLACES && num_soft as f32 > self.soft_share * num as f32
+        (num >= MIN_PLACES).then(|| num_soft as f32 / num as f32)
     }
 }
 
@@ -195,6 +255,45 @@ mod tests {
         assert!(left(15.0, 0.5) > 600);
         // A lamp that glows about its own edge.
         assert!(left(15.0, 4.0) > 600);
+    }
+
+    fn left(value: impl Fn(f32, f32) -> f32) -> Mask {
+        let value = |x: u32, y: u32| value(x as f32 - 30.0, y as f32 - 30.0);
+        let pixels = (0..SIZE * SIZE).map(|i| [value(i % SIZE, i / SIZE)]);
+        let values = Image::from_pixels(SIZE, SIZE, pixels.collect()).unwrap();
+        let mut mask = Mask::from_fn(SIZE, SIZE, |x, y| value(x, y) >= LEVEL);
+        remove(&mut mask, &values);
+        mask
+    }
+
+    /// The light of a bulb in a shade on the wall behind it, over the shade's edge in row 38.
+    #[test]
+    fn a_pool_of_light_is_no_lamp_though_a_shade_ends_it_below() {
+        let pool = |x: f32, y: f32| 18.0 / (1.0 + (x.hypot(y - 8.0) / 12.0).powi(2));
+        let mask = left(|x, y| if y < 8.0 { pool(x, y) } else { 0.2 });
+        assert_eq!(mask.count(), 0);
+        // A lamp amid as much light.
+        let lamp = |x: f32, y: f32| x.hypot(y) < 5.0;
+        let mask = left(|x, y| {
+            if lamp(x, y) {
+                30.0
+            } else {
+                pool(x, y + 8.0).min(9.0)
+            }
+        });
+        assert!(mask.count() >= 69, "{}", mask.count());
+    }
+
+    #[test]
+    fn a_window_behind_a_shade_stays() {
+        let mask = left(|x, y| match (x, y) {
+            _ if x.hypot(y) < 3.0 => 300.0,
+            _ if x.hypot(y) < 14.0 => 7.0,
+            _ if (8.0..25.0).contains(&x) && (0.0..20.0).contains(&y) => 90.0,
+            _ => 2.0,
+        });
+        assert!(mask.has(30, 30) && mask.has(50, 40));
+        assert!(!mask.has(30, 20) && !mask.has(22, 30));
     }
 
     #[test]

@@ -50,6 +50,15 @@ impl Mask {
         Self { pixels }
     }
 
+    /// The mask of the pixels of a region, of an image of this width and height.
+    pub(crate) fn of(region: &Region, [width, height]: [u32; 2]) -> Self {
+        let mut mask = Self::empty(width, height);
+        for &[x, y] in &region.pixels {
+            mask.set(x, y, true);
+        }
+        mask
+    }
+
     /// Width in pixels.
     pub(crate) fn width(&self) -> u32 {
         self.pixels.width()
