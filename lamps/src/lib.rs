@@ -22,9 +22,11 @@ mod place;
 mod seen;
 mod shade;
 pub mod shape;
+mod strays;
 
 pub use evidence::Evidence;
 pub use mount::freed;
+pub use strays::without_strays;
 
 use candidates::{Candidate, explained};
 use eagpt_scene::color::luminance;

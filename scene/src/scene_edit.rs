@@ -24,6 +24,14 @@ impl SceneEdit {
         }
     }
 
+    /// Takes out the Gaussians that are not to `keep`, `[n]`.
+    pub fn take_out(&mut self, keep: &[bool]) {
+        for (stays, keep) in self.keep.iter_mut().zip(keep) {
+            *stays &= keep;
+        }
+        self.moved.retain(|(i, _)| self.keep[*i as usize]);
+    }
+
     /// Number of Gaussians after it.
     pub fn num_after(&self) -> usize {
         self.keep.iter().filter(|stays| **stays).count() + self.fixed.len()

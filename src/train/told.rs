@@ -87,13 +87,31 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
              list of lamps",
             if *num == 1 { " sends" } else { "s send" },
         )),
-        TrainProgress::Glows { num } => reporter.note(&format!(
-            "{num} surface{} that no mask shows {} brighter than can be reflected, and emit{}: \
-             see \"glow-*\" in the list of lamps",
-            if *num == 1 { "" } else { "s" },
-            if *num == 1 { "is" } else { "are" },
-            if *num == 1 { "s" } else { "" },
+        TrainProgress::Bulbs { num } => reporter.note(&format!(
+            "{num} shade{} light beyond the opening that views show, of a bulb within: see \
+             \"hidden-*\" in the list of lamps",
+            if *num == 1 { " sends" } else { "s send" },
         )),
+        TrainProgress::Glows { num, num_shades } => {
+            if *num > 0 {
+                reporter.note(&format!(
+                    "{num} surface{} that no mask shows {} brighter than can be reflected, and \
+                     emit{}: see \"glow-*\" in the list of lamps",
+                    if *num == 1 { "" } else { "s" },
+                    if *num == 1 { "is" } else { "are" },
+                    if *num == 1 { "s" } else { "" },
+                ));
+            }
+            if *num_shades > 0 {
+                reporter.note(&format!(
+                    "{num_shades} surface{} around lamps {} brighter than can be reflected, and \
+                     emit{} with them",
+                    if *num_shades == 1 { "" } else { "s" },
+                    if *num_shades == 1 { "is" } else { "are" },
+                    if *num_shades == 1 { "s" } else { "" },
+                ));
+            }
+        }
         // For pages; there is nothing to print.
         TrainProgress::Scene { .. } => return Ok(()),
         TrainProgress::AlbedosLimited { num: 0 } | TrainProgress::Checkpoint { .. } => {}

@@ -6,14 +6,16 @@
 //! ends at its edge.
 
 mod listed;
+mod shade;
 
 pub(crate) use listed::{lamp, sights};
+pub(crate) use shade::join_as_shade;
 
 use crate::bake::emits;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::color::luminance;
 use eagpt_scene::median::median_of;
-use eagpt_scene::{Gaussians, Gloss, Lamps};
+use eagpt_scene::{Gaussians, Gloss};
 use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 use std::collections::BTreeSet;
@@ -37,8 +39,6 @@ pub(crate) struct Surfaces<'a> {
     pub(crate) num_moving: usize,
     /// The Gaussians that cameras see, each once, with the irradiance over π there.
     pub(crate) received: &'a [(Receiver, Vec3)],
-    /// Lamps, which are something else.
-    pub(crate) lamps: &'a Lamps,
     /// Gloss of each Gaussian; empty where nothing is glossy.
     pub(crate) gloss: &'a [Gloss],
 }
@@ -47,10 +47,7 @@ pub(crate) struct Surfaces<'a> {
 /// is of both.
 pub(crate) fn glows(surfaces: &Surfaces<'_>) -> Vec<Vec<usize>> {
     let gaussians = surfaces.gaussians;
-    let may_shine = |i: usize| {
-        let reflects = i < surfaces.num_moving && !emits(gaussians.emissions[i]);
-        reflects && surfaces.lamps.of(gaussians.positions[i]).is_none()
-    };
+    let may_shine = |i: usize| i < surfaces.num_moving && !emits(gaussians.emissions[i]);
     let received = surfaces.received.iter();
     let (receivers, white): (Vec<Receiver>, Vec<Vec3>) = received
         .copied()

@@ -6,6 +6,8 @@
 //! that which makes their albedos alike, in all channels the same, as walls near lamps tell light
 //! better than colour. A lamp is never weaker than what views saw of it.
 
+pub(crate) mod bulbs;
+
 use crate::alike::{Compared, Expected, Row};
 use crate::error::Result;
 use crate::irradiance::{self, NoisyLight};
@@ -18,6 +20,7 @@ use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::matrix::{Groups, Receiver, Tracing};
 use glam::Vec3;
+use std::collections::BTreeMap;
 
 /// Directions that find the light of each lamp.
 const NUM_SAMPLES: u32 = 256;
@@ -26,10 +29,10 @@ const LEAST_PART: f32 = 1e-4;
 /// Part of the light of a receiver that is known, at least, whatever noise leaves of it.
 const LEAST_KNOWN: f64 = 0.02;
 /// Weight of light that views did not see.
-const WEIGHT: f64 = 1e-3;
+pub(crate) const WEIGHT: f64 = 1e-3;
 /// A factor up to here may come of other errors; one beyond the second is not believed.
 const LEAST_FACTOR: f32 = 1.15;
-const MOST_FACTOR: f64 = 4.0;
+pub(crate) const MOST_FACTOR: f64 = 4.0;
 /// Part of all light that a lamp has to bring as views saw it: that of weaker ones, as of spots in
 /// a shade that are lamps of their own, can be anything.
 const LEAST_SHARE: f64 = 0.01;
@@ -73,17 +76,8 @@ pub(crate) fn factors(
     }
     let compared = Compared::new(gaussians, received);
     let direct = direct((tracer, gaussians), lights, &compared, key)?;
-    let scalar = |of: &[Vec3]| -> Vec<f64> {
-        let luminances = of.iter().map(|v| luminance(v.to_array()));
-        luminances.map(f64::from).collect()
-    };
-    let (radiances, all) = (scalar(&compared.radiances), scalar(&compared.known));
-    let row = |(lamps, all): (&[Vec3], &f64)| -> Row {
-        let parts = scalar(lamps).into_iter().enumerate();
-        let parts = parts.filter(|(_, part)| *part > f64::from(LEAST_PART) * all);
-        parts.collect()
-    };
-    let rows: Vec<Row> = direct.chunks(num).zip(&all).map(row).collect();
+    let all = luminances(&compared.known);
+    let rows = rows(&direct, num, &all);
     let known = |(row, all): (&Row, &f64)| {
         let others = all - row.iter().map(|(_, part)| part).sum::<f64>();
         others.max(LEAST_KNOWN * all)
@@ -104,26 +98,73 @@ pub(crate) fn factors(
         };
         (lamp, expected)
     });
-    let expected = expected.collect();
-    let mut factors = vec![1.0; num];
-    for _ in 0..NUM_ROUNDS {
-        // Not by radiance: beside a lamp that differs more than materials do.
-        let albedo = |(i, parts): (usize, &[Vec3])| {
-            let more = (parts.iter().zip(&factors)).map(|(part, f)| *part * (f - 1.0));
-            compared.radiances[i] / (compared.known[i] + more.sum::<Vec3>())
-        };
-        let albedos: Vec<Vec3> = direct.chunks(num).enumerate().map(albedo).collect();
-        let segments = Segments::of_colors(&albedos, &compared.smoothing);
-        let fit = compared.fit(&segments, &rows, [&radiances, &known], &expected);
-        factors = (0..num).map(|lamp| fit.x[&lamp] as f32).collect();
-    }
+    let light = Light {
+        direct: &direct,
+        rows: &rows,
+        known: &known,
+    };
     let certain = |factor: f32| if factor < LEAST_FACTOR { 1.0 } else { factor };
+    let factors = light.fit(&compared, &expected.collect());
     Ok(factors.into_iter().map(certain).collect())
+}
+
+/// Light of lamps whose factors are looked for.
+pub(crate) struct Light<'a> {
+    /// What receivers get straight from each, `[receivers, lamps]` …
+    pub(crate) direct: &'a [Vec3],
+    /// … and its luminance, where it is no noise, `[receivers]`.
+    pub(crate) rows: &'a [Row],
+    /// Luminance of what receivers get of all else, `[receivers]`.
+    pub(crate) known: &'a [f64],
+}
+
+impl Light<'_> {
+    /// The factor of each lamp, which are expected to be these; all that is known of `compared` has
+    /// the light of the expected ones already.
+    pub(crate) fn fit(
+        &self,
+        compared: &Compared,
+        expected: &BTreeMap<usize, Expected>,
+    ) -> Vec<f32> {
+        let num = expected.len();
+        let radiances = luminances(&compared.radiances);
+        let usual = |lamp: usize| expected[&lamp].radiance as f32;
+        let mut factors: Vec<f32> = (0..num).map(usual).collect();
+        for _ in 0..NUM_ROUNDS {
+            // Not by radiance: beside a lamp that differs more than materials do.
+            let albedo = |(i, parts): (usize, &[Vec3])| {
+                let parts = parts.iter().zip(&factors).enumerate();
+                let more = parts.map(|(lamp, (part, f))| *part * (f - usual(lamp)));
+                compared.radiances[i] / (compared.known[i] + more.sum::<Vec3>())
+            };
+            let albedos: Vec<Vec3> = self.direct.chunks(num).enumerate().map(albedo).collect();
+            let segments = Segments::of_colors(&albedos, &compared.smoothing);
+            let fit = compared.fit(&segments, self.rows, [&radiances, self.known], expected);
+            factors = (0..num).map(|lamp| fit.x[&lamp] as f32).collect();
+        }
+        factors
+    }
+}
+
+fn luminances(of: &[Vec3]) -> Vec<f64> {
+    let luminances = of.iter().map(|v| luminance(v.to_array()));
+    luminances.map(f64::from).collect()
+}
+
+/// The luminance of light that receivers get straight from each of `num` lamps, `[receivers, num]`,
+/// where it is no noise beside `all` that they get, `[receivers]`.
+pub(crate) fn rows(direct: &[Vec3], num: usize, all: &[f64]) -> Vec<Row> {
+    let row = |(lamps, all): (&[Vec3], &f64)| -> Row {
+        let parts = luminances(lamps).into_iter().enumerate();
+        let parts = parts.filter(|(_, part)| *part > f64::from(LEAST_PART) * all);
+        parts.collect()
+    };
+    direct.chunks(num).zip(all).map(row).collect()
 }
 
 /// Irradiance over π that compared receivers get straight from each of `lights`, smoothed,
 /// `[receivers, lights]`.
-fn direct(
+pub(crate) fn direct(
     (tracer, gaussians): (&dyn Tracer, &Gaussians),
     lights: &LightGroups,
     compared: &Compared,

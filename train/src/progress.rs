@@ -113,10 +113,17 @@ pub enum TrainProgress {
         /// The largest factor of a lamp, above 1.
         most: f32,
     },
+    /// Bulbs are in shades of which views show one opening.
+    Bulbs {
+        /// Bulbs.
+        num: usize,
+    },
     /// Surfaces that no mask shows emit, as they are brighter than they can reflect.
     Glows {
-        /// Surfaces.
+        /// Surfaces that are lamps of their own …
         num: usize,
+        /// … and that are shades of lamps that masks show.
+        num_shades: usize,
     },
     /// Albedos of all surfaces are larger or smaller, so that the scene in its own light is as
     /// bright as its photographs.

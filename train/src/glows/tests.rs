@@ -1,11 +1,9 @@
 use super::*;
 use crate::irradiance;
 use crate::surfaces;
-use eagpt_scene::lamps::Lamp;
+use eagpt_scene::Camera;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, LampShape};
 use eagpt_testkit::gaussians::{look_at, material, sphere};
-use eagpt_testkit::lamps::boxed;
 use eagpt_trace::cpu::CpuScene;
 use glam::DVec3;
 use std::f32::consts::TAU;
@@ -37,7 +35,6 @@ fn room(light: impl Fn(Vec3) -> f32) -> Gaussians {
 /// As far as it is known.
 struct Known {
     num_moving: usize,
-    lamps: Lamps,
     gloss: Vec<Gloss>,
 }
 
@@ -45,7 +42,6 @@ impl Known {
     fn nothing(gaussians: &Gaussians) -> Self {
         Self {
             num_moving: gaussians.len(),
-            lamps: Lamps::default(),
             gloss: Vec::new(),
         }
     }
@@ -61,7 +57,6 @@ impl Known {
             gaussians,
             num_moving: self.num_moving,
             received: &received,
-            lamps: &self.lamps,
             gloss: &self.gloss,
         })
     }
@@ -101,14 +96,6 @@ fn what_is_known_otherwise_does_not_shine() {
     let nothing = || Known::nothing(&gaussians);
     let is_found = |known: Known| !known.glows(&gaussians).is_empty();
     assert!(is_found(nothing()));
-    let lamp = Lamp {
-        shape: LampShape::Ball,
-        ..boxed("ball-1", Vec3::X.to_array(), [1.0; 3])
-    };
-    assert!(!is_found(Known {
-        lamps: Lamps { lamps: vec![lamp] },
-        ..nothing()
-    }));
     let steel = Gloss {
         specular: Vec3::splat(0.5),
         ..Gloss::NONE

@@ -20,14 +20,10 @@ impl Run<'_> {
         let state = backend.state()?;
         let scene = state.gaussians();
         let mut lamps = read_lamps(&list)?;
-        let mut shown = lamps.clone();
-        // The boxes of those that no view shows reach far into the room.
-        shown.lamps.retain(|lamp| !lamp.views.is_empty());
         let found = glows::glows(&Surfaces {
             gaussians: &scene,
             num_moving: state.num_moving(),
             received: &backend.gathered(0),
-            lamps: &shown,
             gloss: self.gloss.of_gaussians(),
         });
         if found.is_empty() {
@@ -37,12 +33,21 @@ impl Run<'_> {
         backend.mark_emitting(&[emitting])?;
         let tracer = self.request.device.scene(&scene)?;
         let sights = glows::sights(&found, (&*tracer, scene.len()), views.named_cameras())?;
-        for ((members, sight), number) in found.iter().zip(&sights).zip(1..) {
-            let name = format!("glow-{number}");
-            (lamps.lamps).push(glows::lamp(name, &scene, members, sight));
+        let mut num = 0;
+        for (members, sight) in found.iter().zip(&sights) {
+            let name = format!("glow-{}", num + 1);
+            let glow = glows::lamp(name, &scene, members, sight);
+            let places = || members.iter().map(|&i| scene.positions[i]);
+            if !glows::join_as_shade(&mut lamps, &glow, places()) {
+                lamps.lamps.push(glow);
+                num += 1;
+            }
         }
         write_lamps(&list, &lamps)?;
-        (self.progress)(TrainProgress::Glows { num: found.len() });
+        (self.progress)(TrainProgress::Glows {
+            num,
+            num_shades: found.len() - num,
+        });
         Ok(())
     }
 }

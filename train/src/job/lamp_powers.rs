@@ -3,13 +3,13 @@
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
-use crate::lamp_powers::{factors, is_measured};
+use crate::lamp_powers::{bulbs, factors, is_measured};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_scene::lamps::{read_lamps, write_lamps};
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{LightGroups, SceneError};
+use eagpt_scene::{Lamp, LightGroups, SceneEdit, SceneError};
 use glam::Vec3;
 
 impl Run<'_> {
@@ -58,6 +58,39 @@ impl Run<'_> {
         write_lamps(&path, &lamps)?;
         let num = factors.iter().filter(|factor| **factor != 1.0).count();
         (self.progress)(TrainProgress::LampPowers { num, most });
+        Ok(true)
+    }
+    /// Puts bulbs into shades of which views show one opening, in the scene and in the list; whether
+    /// there are any. Light has to be gathered again then. Nothing is done where no lamps are
+    /// listed, or in several lights.
+    pub(super) fn place_bulbs(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
+        let request = self.request;
+        let path = self.folder.lamps(0);
+        let is_asked_for = request.options.albedo.unseen_light && views.num_lights() == 1;
+        if !is_asked_for || !path.exists() {
+            return Ok(false);
+        }
+        let mut lamps = read_lamps(&path)?;
+        let scene = backend.state()?.gaussians();
+        let key = RandomKey::new(request.options.seed, Purpose::Albedo, 6);
+        let received = backend.gathered(0);
+        let found = bulbs::find((&request.device, &scene), &lamps.lamps, &received, key)?;
+        if found.is_empty() {
+            return Ok(false);
+        }
+        let edit = SceneEdit {
+            fixed: found.iter().flat_map(|bulb| bulb.discs.iter()).collect(),
+            ..SceneEdit::nothing(scene.len())
+        };
+        backend.edit(&edit, &[])?;
+        (self.progress)(TrainProgress::Bulbs { num: found.len() });
+        for (bulb, number) in found.into_iter().zip(1..) {
+            lamps.lamps.push(Lamp {
+                name: format!("hidden-{number}"),
+                ..bulb.lamp
+            });
+        }
+        write_lamps(&path, &lamps)?;
         Ok(true)
     }
 }

@@ -66,8 +66,11 @@ impl Run<'_> {
         };
         let lamps = read_lamps(&path)?;
         let state = backend.state()?;
+        let (scene, num) = (state.gaussians(), state.num_moving());
         let eyes = |lamp: &Lamp| views.eyes(lamp).collect();
-        let edit = eagpt_lamps::freed(&state.gaussians(), state.num_moving(), &lamps, eyes);
+        let mut edit = eagpt_lamps::freed(&scene, num, &lamps, eyes);
+        let keep = eagpt_lamps::without_strays(&self.request.device, (&scene, num), &lamps, eyes)?;
+        edit.take_out(&keep);
         backend.edit(&edit, &vec![Vec::new(); views.num_lights()])
     }
 

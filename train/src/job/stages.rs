@@ -56,6 +56,9 @@ impl Run<'_> {
                 if self.correct_lamps(backend, views)? && !self.gather(backend, views)? {
                     return Ok(false);
                 }
+                if self.place_bulbs(backend, views)? && !self.gather(backend, views)? {
+                    return Ok(false);
+                }
                 self.mark_glows(backend, views)?;
             }
             backend.begin_albedo(&self.gloss.shares)?;
