@@ -192,27 +192,27 @@ mod tests {
     const SIZE: u32 = 60;
     const LEVEL: f32 = 6.0;
 
-    /// The mask of a lamp of radiance 70 in columns 20 to 23 and rows 20 to 39, beside a surface of
-    /// these values at a number of pixels from it.
-    fn masked(beside: impl Fn(f32) -> f32) -> Mask {
-        let value = |x: u32, y: u32| {
-            let rows = (20..40).contains(&y);
-            if rows && (20..24).contains(&x) {
-                return 70.0;
-            }
-            let away = |at: u32, from: u32, to: u32| {
-                (from as f32 - at as f32)
-                    .max(at as f32 - to as f32)
-                    .max(0.0)
-            };
-            let [dx, dy] = [away(x, 20, 23), away(y, 20, 39)];
-            beside(dx.hypot(dy)).max(0.5)
-        };
+    /// What is left of the mask of these values, by their place from the middle.
+    fn left(value: impl Fn(f32, f32) -> f32) -> Mask {
+        let value = |x: u32, y: u32| value(x as f32 - 30.0, y as f32 - 30.0);
         let pixels = (0..SIZE * SIZE).map(|i| [value(i % SIZE, i / SIZE)]);
         let values = Image::from_pixels(SIZE, SIZE, pixels.collect()).unwrap();
         let mut mask = Mask::from_fn(SIZE, SIZE, |x, y| value(x, y) >= LEVEL);
         remove(&mut mask, &values);
         mask
+    }
+
+    /// The mask of a lamp of radiance 70 in columns 20 to 23 and rows 20 to 39, beside a surface of
+    /// these values at a number of pixels from it.
+    fn masked(beside: impl Fn(f32) -> f32) -> Mask {
+        left(|x, y| {
+            // Columns -10 to -7 and rows -10 to 9.
+            let [dx, dy] = [(x + 8.5).abs() - 1.5, (y + 0.5).abs() - 9.5];
+            if dx <= 0.0 && dy <= 0.0 {
+                return 70.0;
+            }
+            beside(dx.max(0.0).hypot(dy.max(0.0))).max(0.5)
+        })
     }
 
     #[test]
@@ -236,34 +236,20 @@ mod tests {
     #[test]
     fn what_fades_all_around_is_no_lamp() {
         let left = |edge: f32, surroundings: f32| {
-            let value = |x: u32, y: u32| {
-                let away = (x as f32 - 30.0).hypot(y as f32 - 30.0);
-                let fading = 12.0 / (1.0 + (away / 20.0).powi(2));
-                if away < edge {
+            let value = |x: f32, y: f32| {
+                let fading = 12.0 / (1.0 + (x.hypot(y) / 20.0).powi(2));
+                if x.hypot(y) < edge {
                     fading
                 } else {
                     fading.min(surroundings)
                 }
             };
-            let pixels = (0..SIZE * SIZE).map(|i| [value(i % SIZE, i / SIZE)]);
-            let values = Image::from_pixels(SIZE, SIZE, pixels.collect()).unwrap();
-            let mut mask = Mask::from_fn(SIZE, SIZE, |x, y| value(x, y) >= LEVEL);
-            remove(&mut mask, &values);
-            mask.count()
+            left(value).count()
         };
         assert_eq!(left(60.0, 12.0), 0);
         assert!(left(15.0, 0.5) > 600);
         // A lamp that glows about its own edge.
         assert!(left(15.0, 4.0) > 600);
-    }
-
-    fn left(value: impl Fn(f32, f32) -> f32) -> Mask {
-        let value = |x: u32, y: u32| value(x as f32 - 30.0, y as f32 - 30.0);
-        let pixels = (0..SIZE * SIZE).map(|i| [value(i % SIZE, i / SIZE)]);
-        let values = Image::from_pixels(SIZE, SIZE, pixels.collect()).unwrap();
-        let mut mask = Mask::from_fn(SIZE, SIZE, |x, y| value(x, y) >= LEVEL);
-        remove(&mut mask, &values);
-        mask
     }
 
     /// The light of a bulb in a shade on the wall behind it, over the shade's edge in row 38.

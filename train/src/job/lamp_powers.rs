@@ -11,22 +11,27 @@ use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Lamp, LightGroups, SceneEdit, SceneError};
 use glam::Vec3;
+use std::path::PathBuf;
 
 impl Run<'_> {
+    /// The list of the lamps, if light that views do not show is looked for: nothing is where no
+    /// lamps are listed, and in several lights, of which each would want its own.
+    pub(super) fn list_for_hidden_light(&self, views: &Views) -> Option<PathBuf> {
+        let is_asked_for = self.request.options.albedo.unseen_light && views.num_lights() == 1;
+        Some(self.folder.lamps(0)).filter(|list| is_asked_for && list.exists())
+    }
+
     /// Multiplies the light of lamps that send more than views see, in the scene and in the list;
-    /// whether there are any. Light has to be gathered again then. Nothing is done where no lamps
-    /// are listed, or in several lights.
+    /// whether there are any. Light has to be gathered again then.
     pub(super) fn correct_lamps(
         &mut self,
         backend: &mut dyn Backend,
         views: &Views,
     ) -> Result<bool> {
         let request = self.request;
-        let path = self.folder.lamps(0);
-        let is_asked_for = request.options.albedo.unseen_light && views.num_lights() == 1;
-        if !is_asked_for || !path.exists() {
+        let Some(path) = self.list_for_hidden_light(views) else {
             return Ok(false);
-        }
+        };
         let mut lamps = read_lamps(&path)?;
         let scene = backend.state()?.gaussians();
         let lights = LightGroups::new(&scene, &lamps)
@@ -61,15 +66,12 @@ impl Run<'_> {
         Ok(true)
     }
     /// Puts bulbs into shades of which views show one opening, in the scene and in the list; whether
-    /// there are any. Light has to be gathered again then. Nothing is done where no lamps are
-    /// listed, or in several lights.
+    /// there are any. Light has to be gathered again then.
     pub(super) fn place_bulbs(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
         let request = self.request;
-        let path = self.folder.lamps(0);
-        let is_asked_for = request.options.albedo.unseen_light && views.num_lights() == 1;
-        if !is_asked_for || !path.exists() {
+        let Some(path) = self.list_for_hidden_light(views) else {
             return Ok(false);
-        }
+        };
         let mut lamps = read_lamps(&path)?;
         let scene = backend.state()?.gaussians();
         let key = RandomKey::new(request.options.seed, Purpose::Albedo, 6);

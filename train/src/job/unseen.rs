@@ -12,19 +12,16 @@ use eagpt_scene::rng::{Purpose, RandomKey};
 
 impl Run<'_> {
     /// Closes the room where no view looks if light comes from there, and lists what shines with
-    /// the lamps; whether it does. Light has to be gathered again then. Where no lamps are listed,
-    /// and in several lights, of which each would want its own, nothing is looked for.
+    /// the lamps; whether it does. Light has to be gathered again then.
     pub(super) fn light_unseen(
         &mut self,
         backend: &mut dyn Backend,
         views: &Views,
     ) -> Result<bool> {
         let request = self.request;
-        let list = self.folder.lamps(0);
-        let is_asked_for = request.options.albedo.unseen_light && views.num_lights() == 1;
-        if !is_asked_for || !list.exists() {
+        let Some(list) = self.list_for_hidden_light(views) else {
             return Ok(false);
-        }
+        };
         let scene = backend.state()?.gaussians();
         let tracer = request.device.scene(&scene)?;
         let cameras = views.cameras();
