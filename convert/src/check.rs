@@ -12,7 +12,7 @@ pub use report::{CameraReport, ImageKind};
 pub(crate) use report::{CheckReport, KindReport, SplitReport, ValueRange, ViewCheck};
 
 use crate::error::{Problem, Result};
-use eagpt_scene::dataset::SplitRule;
+use eagpt_scene::dataset::{MIN_FACING, SplitRule};
 use eagpt_scene::{Dataset, Frame};
 use images::{Looked, look, median};
 use rayon::prelude::*;
@@ -24,9 +24,6 @@ use std::path::Path;
 /// Angle between up axis and the cameras' mean upward direction above which a warning is given,
 /// degrees: halfway to the next axis.
 const MAX_UP_ANGLE_DEG: f64 = 45.0;
-/// Share of normals that have to be turned to the camera; maps of a network have errors, mostly at
-/// grazing angles.
-const MIN_FACING: f64 = 0.9;
 /// Median angle to the surface of the depths, degrees, above which a warning is given: networks
 /// stay within some 20.
 const MAX_NORMAL_ANGLE_DEG: f64 = 35.0;

@@ -49,7 +49,7 @@ pub use info::DatasetInfo;
 pub use names::{is_frame_name, strip_image_folder};
 pub use split::{Split, SplitRule, Subset};
 pub use up::UpAxis;
-pub use view::{MIN_NORMAL_LENGTH, View, check_mask, is_known, refuse};
+pub use view::{MIN_FACING, MIN_NORMAL_LENGTH, View, check_mask, is_known, refuse, share_facing};
 pub use write::{DatasetWriter, write_transforms};
 
 use crate::error::{Result, SceneError};

@@ -3,7 +3,7 @@
 use super::report::{ImageKind, ValueRange, ViewCheck};
 use crate::error::Problem;
 use crate::surface::normals_from_depth;
-use eagpt_scene::dataset::{MIN_NORMAL_LENGTH, check_mask, is_known, refuse};
+use eagpt_scene::dataset::{MIN_NORMAL_LENGTH, check_mask, is_known, refuse, share_facing};
 use eagpt_scene::{Frame, Image, Result, exr};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -146,25 +146,18 @@ impl Looked {
     }
 
     fn normals(&mut self, normal: &Image<3>, depth: Option<&Image<1>>, frame: &Frame) {
-        let rays = frame.camera.ray_frame();
-        let width = normal.width() as usize;
         let known = |pixel: &[f32; 3]| Vec3::from(*pixel).length() >= MIN_NORMAL_LENGTH;
-        let (mut num_known, mut num_facing, mut num_long) = (0_usize, 0_usize, 0_usize);
-        for (index, pixel) in normal.pixels().iter().enumerate() {
-            if !known(pixel) {
-                continue;
-            }
-            let vector = Vec3::from(*pixel);
-            num_known += 1;
-            num_long += usize::from((vector.length() - 1.0).abs() > MAX_LENGTH_ERROR);
-            let at = ((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
-            num_facing += usize::from(vector.dot(rays.direction(at.0, at.1)) < 0.0);
-        }
+        let lengths = || {
+            let known = normal.pixels().iter().filter(|pixel| known(pixel));
+            known.map(|pixel| Vec3::from(*pixel).length())
+        };
+        let num_known = lengths().count();
+        let num_long = lengths().filter(|length| (length - 1.0).abs() > MAX_LENGTH_ERROR);
         let all = normal.pixels().len().max(1);
         self.view.normal = Some(num_known as f64 / all as f64);
+        self.view.normals_facing = share_facing(&frame.camera, normal);
         if num_known > 0 {
-            self.view.normals_facing = Some(num_facing as f64 / num_known as f64);
-            self.view.normals_not_unit = Some(num_long as f64 / num_known as f64);
+            self.view.normals_not_unit = Some(num_long.count() as f64 / num_known as f64);
         }
         if let Some(depth) = depth {
             let spanned = normals_from_depth(depth, &frame.camera);

@@ -53,6 +53,27 @@ pub fn is_known(value: f32) -> bool {
     value >= 1.0 - MASK_TOLERANCE
 }
 
+/// Share of normals that have to be turned to the camera: maps of a network have errors, mostly at
+/// grazing angles; of a mesh that is open to the other side all are turned away.
+pub const MIN_FACING: f64 = 0.9;
+
+/// Share of the known ones of some world-space normals that are turned to the camera, 0 to 1; `None`
+/// where none is known.
+pub fn share_facing(camera: &Camera, normal: &Image<3>) -> Option<f64> {
+    let rays = camera.ray_frame();
+    let width = normal.width() as usize;
+    let (mut num_known, mut num_facing) = (0_usize, 0_usize);
+    for (index, pixel) in normal.pixels().iter().enumerate() {
+        let vector = Vec3::from(*pixel);
+        if vector.length() >= MIN_NORMAL_LENGTH {
+            num_known += 1;
+            let at = ((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
+            num_facing += usize::from(vector.dot(rays.direction(at.0, at.1)) < 0.0);
+        }
+    }
+    (num_known > 0).then(|| num_facing as f64 / num_known as f64)
+}
+
 impl View {
     /// A view of which the radiance is known and nothing else.
     pub fn new(name: String, camera: Camera, radiance: Image<3>) -> Self {
