@@ -1,8 +1,9 @@
-//! Gaussians beside a small lamp that are darker than anything that close to it.
+//! Translucent Gaussians beside a small lamp that are darker than anything that close to it.
 //!
 //! Of the surroundings of a lamp few views show more than what is beyond them, and discs in the air
 //! that look like it cost nothing: they let little of the lamp's light into the room. A surface
-//! there would be bright, or opaque and dark on the side away from the lamp, as a shade is.
+//! there would be bright, or opaque, as the outside of a shade and metal, which is dark where it
+//! mirrors what is dark.
 
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, Lamps};
@@ -12,20 +13,18 @@ use eagpt_trace::{Device, Ray, TraceError};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Albedo below which there is no surface: soot and black paint have 0.03 and more.
-const LEAST_ALBEDO: f32 = 0.02;
-/// Distance from a lamp, in its mean sizes, beyond which black things may be. Screens and glass are
-/// blacker than paint.
-const NEAR: f32 = 6.0;
-/// Opacity from which on a Gaussian hides what is behind it.
-const OPAQUE: f32 = 0.9;
+/// Albedo below which what is translucent is no surface: soot and black paint have 0.03 and more.
+const LEAST_ALBEDO: f32 = 0.05;
+/// Distance from a lamp, in its mean sizes, beyond which black things may be.
+const NEAR: f32 = 9.0;
+/// Opacity from which on a Gaussian is a surface, and hides what is behind it.
+const OPAQUE: f32 = 0.75;
 /// Start of a ray from a disc, in parts of the way to the lamp.
 const START: f32 = 1e-3;
 
 /// Whether each of `gaussians` stays, `[n]`. Of others, among the first `num_moving`, which are not
 /// the lamps' own, the light that bare `lamps` send them, past what is opaque, would make a surface
-/// brighter than they are: to the side that the camera centres `eyes` of the views of a lamp see, or
-/// through them if they are not opaque.
+/// brighter than they are.
 ///
 /// # Errors
 /// If the device fails.
@@ -33,23 +32,26 @@ pub fn without_strays(
     device: &Device,
     (gaussians, num_moving): (&Gaussians, usize),
     lamps: &Lamps,
-    eyes: impl Fn(&Lamp) -> Vec<Vec3>,
 ) -> Result<Vec<bool>, TraceError> {
     let light = |i: usize| luminance(gaussians.radiances[i].to_array());
+    let is_stray = |i: &usize| {
+        gaussians.emissions[*i] <= EMISSION_THRESHOLD && gaussians.opacities[*i] < OPAQUE
+    };
+    let translucent: Vec<usize> = (0..num_moving).filter(is_stray).collect();
     let mut suspects = Vec::new();
     for lamp in lamps.lamps.iter().filter(|lamp| shines_around(lamp)) {
-        let eyes = eyes(lamp);
         let (centre, size) = (lamp.centre(), Vec3::from(lamp.size));
         let reach = NEAR * size.element_product().cbrt();
         let intensity = lamp.luminous_power() / (4.0 * PI);
-        for i in (0..num_moving).filter(|&i| gaussians.emissions[i] <= EMISSION_THRESHOLD) {
+        for &i in &translucent {
             if lamp.distance(gaussians.positions[i]) > reach {
                 continue;
             }
             let towards = centre - gaussians.positions[i];
-            let cosine = towards.normalize_or_zero().dot(front(gaussians, i, &eyes));
-            let is_lit = cosine > 0.0 || gaussians.opacities[i] < OPAQUE;
-            let cosine = if is_lit { cosine.abs() } else { 0.0 };
+            let cosine = towards
+                .normalize_or_zero()
+                .dot(gaussians.normal_of(i))
+                .abs();
             let distance = towards.length().max(0.5 * size.max_element());
             let least = LEAST_ALBEDO / PI * intensity * cosine / distance.powi(2);
             if light(i) < least {
@@ -61,16 +63,12 @@ pub fn without_strays(
     if suspects.is_empty() {
         return Ok(keep);
     }
-    // They would be in one another's shadow, and in that of others like them.
-    suspects.iter().for_each(|suspect| keep[suspect.i] = false);
-    let is_there = |(gaussian, keep): &(Gaussian, &bool)| {
-        **keep && (gaussian.opacity >= OPAQUE || gaussian.emission > EMISSION_THRESHOLD)
-    };
-    let others = gaussians.iter().zip(&keep).filter(is_there);
-    let others: Gaussians = others.map(|(gaussian, _)| gaussian).collect();
+    // What is translucent would be in one another's shadow.
+    let is_there =
+        |gaussian: &Gaussian| gaussian.opacity >= OPAQUE || gaussian.emission > EMISSION_THRESHOLD;
+    let opaque: Gaussians = gaussians.iter().filter(is_there).collect();
     let rays: Vec<Ray> = suspects.iter().map(|s| s.ray(gaussians)).collect();
-    let met = device.scene(&others)?.trace_rays(&rays)?;
-    suspects.iter().for_each(|suspect| keep[suspect.i] = true);
+    let met = device.scene(&opaque)?.trace_rays(&rays)?;
     for (suspect, met) in suspects.iter().zip(met) {
         keep[suspect.i] &= light(suspect.i) >= suspect.least * met.emission();
     }
@@ -104,50 +102,40 @@ fn shines_around(lamp: &Lamp) -> bool {
     is_round && !lamp.one_sided && lamp.shade == 0.0
 }
 
-/// Unit normal of a Gaussian on the side that most of `eyes` see.
-fn front(gaussians: &Gaussians, i: usize, eyes: &[Vec3]) -> Vec3 {
-    let normal = gaussians.normal_of(i);
-    let position = gaussians.positions[i];
-    let sides = eyes
-        .iter()
-        .map(|eye| (*eye - position).dot(normal).signum());
-    normal * sides.sum::<f32>().signum()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use eagpt_scene::{Gloss, Harmonics};
     use glam::{Quat, Vec2};
 
-    /// A disc of this radiance at a place, which is turned towards −x.
-    fn disc(at: Vec3, radiance: f32, emission: f32) -> Gaussian {
+    /// A disc of this radiance and opacity at a place, which is turned towards −x.
+    fn disc(at: Vec3, radiance: f32, opacity: f32) -> Gaussian {
         Gaussian {
             position: at,
             scale: Vec2::splat(0.03),
             rotation: Quat::from_rotation_arc(Vec3::Z, Vec3::NEG_X),
-            opacity: 0.99,
+            opacity,
             radiance: Vec3::splat(radiance),
             harmonics: Harmonics::NONE,
             gloss: Gloss::NONE,
-            emission,
+            emission: 0.0,
             albedo: Vec3::ZERO,
         }
     }
 
-    /// A lamp of power 4π at the origin, seen along x: at a distance of 0.2 a surface that faces it
-    /// has its albedo over π times 25.
+    /// A lamp of power 4π at the origin: at a distance of 0.2 a surface that faces it has its albedo
+    /// over π times 25.
     fn kept(discs: &[Gaussian], lamp: &Lamp) -> Vec<bool> {
         let shines = Gaussian {
             scale: Vec2::splat(0.1),
-            ..disc(Vec3::ZERO, 100.0, 1.0)
+            emission: 1.0,
+            ..disc(Vec3::ZERO, 100.0, 0.99)
         };
         let scene: Gaussians = discs.iter().copied().chain([shines]).collect();
         let lamps = Lamps {
             lamps: vec![lamp.clone()],
         };
-        let eyes = |_: &Lamp| vec![Vec3::new(-3.0, 0.0, 0.0)];
-        let keep = without_strays(&Device::Cpu, (&scene, discs.len()), &lamps, eyes).unwrap();
+        let keep = without_strays(&Device::Cpu, (&scene, discs.len()), &lamps).unwrap();
         keep[..discs.len()].to_vec()
     }
 
@@ -161,35 +149,26 @@ mod tests {
 
     #[test]
     fn what_stays_dark_beside_a_lamp_is_not_there() {
-        let beyond = Vec3::new(0.2, 0.0, 0.0);
         let least = LEAST_ALBEDO / PI * 25.0;
-        assert_eq!(kept(&[disc(beyond, 0.9 * least, 0.0)], &ball()), [false]);
-        assert_eq!(kept(&[disc(beyond, 1.1 * least, 0.0)], &ball()), [true]);
+        for side in [0.2, -0.2] {
+            let at = Vec3::new(side, 0.0, 0.0);
+            assert_eq!(kept(&[disc(at, 0.9 * least, 0.5)], &ball()), [false]);
+            assert_eq!(kept(&[disc(at, 1.1 * least, 0.5)], &ball()), [true]);
+            // A shade is opaque, and hides what is outside.
+            let shade = disc(0.5 * at, 0.0, 0.9);
+            let outside = disc(at, 0.2 * least, 0.5);
+            assert_eq!(kept(&[outside, shade], &ball()), [true; 2]);
+            let clear = disc(0.5 * at, 0.0, 0.5);
+            assert_eq!(kept(&[outside, clear], &ball()), [false; 2]);
+        }
         // Black glass is no closer than this.
-        let far = Vec3::new(0.3, 0.0, 0.0);
-        assert_eq!(kept(&[disc(far, 0.0, 0.0)], &ball()), [true]);
-        // The outside of a shade is dark, and so is what it hides.
-        let before = disc(-0.1 * Vec3::X, 0.1, 0.0);
-        assert_eq!(kept(&[before], &ball()), [true]);
-        let clear = Gaussian {
-            opacity: 0.5,
-            ..before
-        };
-        assert_eq!(kept(&[clear], &ball()), [false]);
-        assert_eq!(
-            kept(&[clear, disc(-0.05 * Vec3::X, 0.1, 0.0)], &ball()),
-            [true; 2]
-        );
-        let between = disc(0.1 * Vec3::X, 9.0, 0.0);
-        assert_eq!(
-            kept(&[disc(beyond, 0.5 * least, 0.0), between], &ball()),
-            [true; 2]
-        );
+        let far = Vec3::new(0.4, 0.0, 0.0);
+        assert_eq!(kept(&[disc(far, 0.0, 0.5)], &ball()), [true]);
     }
 
     #[test]
     fn only_bare_lamps_that_shine_to_all_sides_tell() {
-        let dark = disc(Vec3::new(0.2, 0.0, 0.0), 0.0, 0.0);
+        let dark = disc(Vec3::new(0.2, 0.0, 0.0), 0.0, 0.5);
         for lamp in [
             Lamp {
                 shape: LampShape::Panel,

@@ -38,7 +38,10 @@ mod tests {
         };
         let mut lamps = Lamps {
             lamps: vec![
-                boxed("unseen-1", [0.0; 3], [4.0; 3]),
+                Lamp {
+                    num_pixels: 0,
+                    ..boxed("unseen-1", [0.0; 3], [4.0; 3])
+                },
                 shown("ball-1", 0.1),
                 shown("ball-2", 2.0),
             ],

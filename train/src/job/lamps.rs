@@ -69,7 +69,7 @@ impl Run<'_> {
         let (scene, num) = (state.gaussians(), state.num_moving());
         let eyes = |lamp: &Lamp| views.eyes(lamp).collect();
         let mut edit = eagpt_lamps::freed(&scene, num, &lamps, eyes);
-        let keep = eagpt_lamps::without_strays(&self.request.device, (&scene, num), &lamps, eyes)?;
+        let keep = eagpt_lamps::without_strays(&self.request.device, (&scene, num), &lamps)?;
         edit.take_out(&keep);
         backend.edit(&edit, &vec![Vec::new(); views.num_lights()])
     }
