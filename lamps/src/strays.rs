@@ -34,10 +34,10 @@ pub fn without_strays(
     lamps: &Lamps,
 ) -> Result<Vec<bool>, TraceError> {
     let light = |i: usize| luminance(gaussians.radiances[i].to_array());
-    let is_stray = |i: &usize| {
+    let is_translucent = |i: &usize| {
         gaussians.emissions[*i] <= EMISSION_THRESHOLD && gaussians.opacities[*i] < OPAQUE
     };
-    let translucent: Vec<usize> = (0..num_moving).filter(is_stray).collect();
+    let translucent: Vec<usize> = (0..num_moving).filter(is_translucent).collect();
     let mut suspects = Vec::new();
     for lamp in lamps.lamps.iter().filter(|lamp| shines_around(lamp)) {
         let (centre, size) = (lamp.centre(), Vec3::from(lamp.size));
@@ -63,7 +63,7 @@ pub fn without_strays(
     if suspects.is_empty() {
         return Ok(keep);
     }
-    // What is translucent would be in one another's shadow.
+    // Translucent discs would be in one another's shadow.
     let is_there =
         |gaussian: &Gaussian| gaussian.opacity >= OPAQUE || gaussian.emission > EMISSION_THRESHOLD;
     let opaque: Gaussians = gaussians.iter().filter(is_there).collect();

@@ -29,8 +29,8 @@ const ALONE: Rim = Rim {
     edge: 1.5,
     soft_share: 0.4,
 };
-/// So do the brighter parts of it: .25 to .9 of their rims, where of a lamp amid its glow some part has
-/// a rim of which .14 at most fades.
+/// So do the brighter parts of it, .25 to .9 of their rims; of a lamp amid its glow some part has a
+/// rim of which .14 at most fades.
 const PART: Rim = Rim {
     edge: 1.5,
     soft_share: 0.18,
@@ -57,7 +57,6 @@ struct Rim {
 
 /// Takes out of a mask of pixels by their `values` what lamps light.
 pub(crate) fn remove(mask: &mut Mask, values: &Image<1>) {
-    let value = |[x, y]: [u32; 2]| values.get(x, y)[0];
     let (width, height) = values.size();
     let mut dim = Mask::empty(width, height);
     let mut alone = Vec::new();
@@ -66,10 +65,8 @@ pub(crate) fn remove(mask: &mut Mask, values: &Image<1>) {
             alone.push(region);
             continue;
         }
-        let brightest = (region.pixels.iter()).fold(0.0, |most: f32, &at| most.max(value(at)));
-        for &[x, y] in &region.pixels {
-            dim.set(x, y, value([x, y]) < MAX_SHARE * brightest);
-        }
+        let (_, pixels) = divided(&region, values);
+        dim.add(&Mask::of(&Region { pixels }, [width, height]));
     }
     // Surfaces of two regions do not touch.
     for surface in dim.regions() {
@@ -88,12 +85,18 @@ pub(crate) fn remove(mask: &mut Mask, values: &Image<1>) {
     }
 }
 
+/// The pixels of a region that are as bright as a lamp is where its brightest one is of one, and
+/// those that surfaces beside it may be.
+fn divided(region: &Region, values: &Image<1>) -> (Vec<[u32; 2]>, Vec<[u32; 2]>) {
+    let value = |&[x, y]: &[u32; 2]| values.get(x, y)[0];
+    let brightest = region.pixels.iter().map(value).fold(0.0, f32::max);
+    let pixels = region.pixels.iter().copied();
+    pixels.partition(|pixel| value(pixel) >= MAX_SHARE * brightest)
+}
+
 /// Parts of a surface that end at edges within it, as a window behind a shade.
 fn lamps_behind(surface: &Region, values: &Image<1>) -> Vec<Region> {
-    let value = |&[x, y]: &[u32; 2]| values.get(x, y)[0];
-    let brightest = surface.pixels.iter().map(value).fold(0.0, f32::max);
-    let is_bright = |pixel: &[u32; 2]| value(pixel) >= MAX_SHARE * brightest;
-    let (bright, pixels): (Vec<_>, Vec<_>) = surface.pixels.iter().copied().partition(is_bright);
+    let (bright, pixels) = divided(surface, values);
     let (width, height) = values.size();
     let rest = Mask::of(&Region { pixels }, [width, height]);
     let inside = Mask::from_fn(width, height, |x, y| !rest.has(x, y));
@@ -192,7 +195,7 @@ mod tests {
     const SIZE: u32 = 60;
     const LEVEL: f32 = 6.0;
 
-    /// What is left of the mask of these values, by their place from the middle.
+    /// The mask of these values, by their place from the middle, without what lamps light.
     fn left(value: impl Fn(f32, f32) -> f32) -> Mask {
         let value = |x: u32, y: u32| value(x as f32 - 30.0, y as f32 - 30.0);
         let pixels = (0..SIZE * SIZE).map(|i| [value(i % SIZE, i / SIZE)]);

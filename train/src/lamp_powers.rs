@@ -29,10 +29,10 @@ const LEAST_PART: f32 = 1e-4;
 /// Part of the light of a receiver that is known, at least, whatever noise leaves of it.
 const LEAST_KNOWN: f64 = 0.02;
 /// Weight of light that views did not see.
-pub(crate) const WEIGHT: f64 = 1e-3;
+const WEIGHT: f64 = 1e-3;
 /// A factor up to here may come of other errors; one beyond the second is not believed.
 const LEAST_FACTOR: f32 = 1.15;
-pub(crate) const MOST_FACTOR: f64 = 4.0;
+const MOST_FACTOR: f64 = 4.0;
 /// Part of all light that a lamp has to bring as views saw it: that of weaker ones, as of spots in
 /// a shade that are lamps of their own, can be anything.
 const LEAST_SHARE: f64 = 0.01;
@@ -109,23 +109,19 @@ pub(crate) fn factors(
 }
 
 /// Light of lamps whose factors are looked for.
-pub(crate) struct Light<'a> {
-    /// What receivers get straight from each, `[receivers, lamps]` …
-    pub(crate) direct: &'a [Vec3],
+struct Light<'a> {
+    /// Irradiance over π that receivers get straight from each, `[receivers, lamps]` …
+    direct: &'a [Vec3],
     /// … and its luminance, where it is no noise, `[receivers]`.
-    pub(crate) rows: &'a [Row],
+    rows: &'a [Row],
     /// Luminance of what receivers get of all else, `[receivers]`.
-    pub(crate) known: &'a [f64],
+    known: &'a [f64],
 }
 
 impl Light<'_> {
     /// The factor of each lamp, which are expected to be these; all that is known of `compared` has
     /// the light of the expected ones already.
-    pub(crate) fn fit(
-        &self,
-        compared: &Compared,
-        expected: &BTreeMap<usize, Expected>,
-    ) -> Vec<f32> {
+    fn fit(&self, compared: &Compared, expected: &BTreeMap<usize, Expected>) -> Vec<f32> {
         let num = expected.len();
         let radiances = luminances(&compared.radiances);
         let usual = |lamp: usize| expected[&lamp].radiance as f32;
@@ -153,7 +149,7 @@ fn luminances(of: &[Vec3]) -> Vec<f64> {
 
 /// The luminance of light that receivers get straight from each of `num` lamps, `[receivers, num]`,
 /// where it is no noise beside `all` that they get, `[receivers]`.
-pub(crate) fn rows(direct: &[Vec3], num: usize, all: &[f64]) -> Vec<Row> {
+fn rows(direct: &[Vec3], num: usize, all: &[f64]) -> Vec<Row> {
     let row = |(lamps, all): (&[Vec3], &f64)| -> Row {
         let parts = luminances(lamps).into_iter().enumerate();
         let parts = parts.filter(|(_, part)| *part > f64::from(LEAST_PART) * all);
@@ -164,7 +160,7 @@ pub(crate) fn rows(direct: &[Vec3], num: usize, all: &[f64]) -> Vec<Row> {
 
 /// Irradiance over π that compared receivers get straight from each of `lights`, smoothed,
 /// `[receivers, lights]`.
-pub(crate) fn direct(
+fn direct(
     (tracer, gaussians): (&dyn Tracer, &Gaussians),
     lights: &LightGroups,
     compared: &Compared,

@@ -37,8 +37,8 @@ impl Run<'_> {
         for (members, sight) in found.iter().zip(&sights) {
             let name = format!("glow-{}", num + 1);
             let glow = glows::lamp(name, &scene, members, sight);
-            let places = || members.iter().map(|&i| scene.positions[i]);
-            if !glows::join_as_shade(&mut lamps, &glow, places()) {
+            let places = members.iter().map(|&i| scene.positions[i]);
+            if !glows::join_as_shade(&mut lamps, &glow, places) {
                 lamps.lamps.push(glow);
                 num += 1;
             }

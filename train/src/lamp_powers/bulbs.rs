@@ -103,7 +103,7 @@ pub(crate) fn find(
         return Ok(Vec::new());
     }
     let compared = Compared::new(gaussians, received);
-    // What emits already is one more light.
+    // All that emits already is one more light.
     let emissions = gaussians.emissions.iter();
     let rest = |emission: &f32| {
         if emits(*emission) {
