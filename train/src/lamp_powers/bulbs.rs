@@ -39,16 +39,16 @@ pub(crate) struct Bulb {
 }
 
 impl Bulb {
-    /// One behind a flat lamp that sends as much as this.
-    fn behind(opening: &Lamp) -> Self {
+    /// One behind a flat lamp that sends this multiple of its power.
+    fn behind(opening: &Lamp, factor: f32) -> Self {
         let width = 0.5 * (opening.size[0] + opening.size[1]);
         let radius = RADIUS * width;
         let normal = opening.world_from_lamp() * Vec3::Z;
         let centre = opening.centre() - DEPTH * width * normal;
         let area = 4.0 * PI * radius * radius;
-        let radiance = Vec3::from(opening.power) / (PI * area);
+        let radiance = factor * Vec3::from(opening.power) / (PI * area);
         let solid = Solid::Ball { centre, radius };
-        let discs = discs(solid, radiance);
+        let discs = surface(solid, Some(radiance)).discs();
         let frame = (centre, Quat::IDENTITY, Vec3::splat(2.0 * radius));
         Self {
             lamp: Lamp {
@@ -58,29 +58,19 @@ impl Bulb {
             discs,
         }
     }
-
-    /// It with the factor of its power.
-    fn strengthened(mut self, factor: f32) -> Self {
-        let light = |radiance: [f32; 3]| (factor * Vec3::from(radiance)).to_array();
-        (self.lamp.radiance, self.lamp.power) = (light(self.lamp.radiance), light(self.lamp.power));
-        for radiance in &mut self.discs.radiances {
-            *radiance *= factor;
-        }
-        self
-    }
 }
 
-fn discs(solid: Solid, radiance: Vec3) -> Gaussians {
-    let surface = Surface {
+/// A black surface that emits this radiance.
+fn surface(solid: Solid, radiance: Option<Vec3>) -> Surface {
+    Surface {
         solid,
         material: Material {
             albedo: Vec3::ZERO,
-            radiance: Some(radiance),
+            radiance,
             gloss: Gloss::NONE,
         },
         spacing: None,
-    };
-    surface.discs()
+    }
 }
 
 /// The bulbs behind those of `lamps` that are openings of shades, in the scene of `gaussians`;
@@ -94,9 +84,10 @@ pub(crate) fn find(
     received: &[(Receiver, Vec3)],
     key: RandomKey,
 ) -> Result<Vec<Bulb>> {
-    let bulbs: Vec<Bulb> = (lamps.iter())
-        .filter(|lamp| is_opening(lamp))
-        .map(Bulb::behind)
+    let openings: Vec<&Lamp> = lamps.iter().filter(|lamp| is_opening(lamp)).collect();
+    let bulbs: Vec<Bulb> = openings
+        .iter()
+        .map(|lamp| Bulb::behind(lamp, 1.0))
         .collect();
     let num = bulbs.len();
     if num == 0 {
@@ -148,10 +139,10 @@ pub(crate) fn find(
         known: &known,
     };
     let factors = light.fit(&compared, &expected.collect());
-    let found = bulbs.into_iter().zip(factors);
+    let found = openings.into_iter().zip(factors);
     let there = found.filter(|(_, factor)| *factor >= LEAST_POWER);
     Ok(there
-        .map(|(bulb, factor)| bulb.strengthened(factor))
+        .map(|(lamp, factor)| Bulb::behind(lamp, factor))
         .collect())
 }
 
@@ -179,16 +170,11 @@ mod tests {
 
     /// A black flat surface.
     fn wall(centre: Vec3, edges: [Vec3; 2]) -> Gaussians {
-        let surface = Surface {
-            solid: Solid::Quad { centre, edges },
-            material: Material {
-                albedo: Vec3::ZERO,
-                radiance: None,
-                gloss: Gloss::NONE,
-            },
+        let wall = Surface {
             spacing: Some(0.02),
+            ..surface(Solid::Quad { centre, edges }, None)
         };
-        surface.discs()
+        wall.discs()
     }
 
     /// A white cube of half edge 1, in which a shade stands that is closed above and open below.
@@ -227,7 +213,7 @@ mod tests {
             .take(num_walls)
             .map(|(disc, i)| in_cube(&disc, i))
             .collect();
-        let bulb = Bulb::behind(&opening(factor)).strengthened(power);
+        let bulb = Bulb::behind(&opening(factor), power);
         let lit: Gaussians = gaussians.iter().chain(bulb.discs.iter()).collect();
         let tracer = Device::Cpu.scene(&lit).unwrap();
         let dark = vec![Vec3::ZERO; lit.len()];
