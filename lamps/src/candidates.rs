@@ -1,7 +1,7 @@
 //! Lamps by the shapes that explain their pixels, before what they do to the scene is known.
 
 use crate::evidence::level::are_unlike;
-use crate::evidence::{Evidence, Pixel, Sight};
+use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::fit;
 use crate::fit::shape_search::Fit;
 use crate::fit::{single, windows};
@@ -19,6 +19,14 @@ use std::cmp::Reverse;
 const MAX_DEVIATION: f32 = 0.5;
 /// Share of its pixels on other lamps from which on a group is taken for a part of these.
 const SHARE_ELSEWHERE: f32 = 0.5;
+
+/// Most pixels in a view of a lamp that training makes a heap of. Larger ones are known better once
+/// geometry is right.
+const MOST_PIXELS: usize = 25;
+/// Views that show it, at least: a glint is in fewer.
+const LEAST_VIEWS: usize = 3;
+/// Share of the border of a bare lamp, at most, beside which something dimmer is lit, too.
+const MOST_GLOW: f32 = 0.25;
 
 /// A lamp under way.
 pub(crate) struct Candidate {
@@ -40,6 +48,21 @@ impl Candidate {
     fn shows(&self, sight: &Sight, pixel: &Pixel) -> bool {
         let met = self.fit.shape.meet(sight.origin(), pixel.direction);
         met.is_some()
+    }
+
+    /// Whether it is small to all views, sends its light to all sides, past no shade, and nothing
+    /// glows beside it.
+    pub(crate) fn is_bare(&self, evidence: &Evidence) -> bool {
+        let is_free = self.shade.is_none() && self.fit.gaps == Gaps::Seen;
+        let glows = self
+            .group
+            .share(evidence, |_, pixel| pixel.beside.is_some());
+        let is_border = |_: &Sight, pixel: &Pixel| pixel.lit == Lit::Border;
+        let is_alone = glows <= MOST_GLOW * self.group.share(evidence, is_border);
+        let views = || self.group.by_view();
+        let is_small = views().all(|(_, pixels)| pixels.len() <= MOST_PIXELS);
+        let is_known = self.is_clean && views().count() >= LEAST_VIEWS;
+        is_known && is_small && is_free && is_alone && self.fit.shape.flat().is_none()
     }
 
     /// Whether its shape and size are known well enough for others of its make.

@@ -26,7 +26,7 @@ mod strays;
 
 pub use evidence::Evidence;
 pub use mount::freed;
-pub use strays::without_strays;
+pub use strays::{without_heaps, without_strays};
 
 use candidates::{Candidate, explained};
 use eagpt_scene::color::luminance;
@@ -86,20 +86,33 @@ fn in_light(lamp: &[(usize, Lamp)], light: usize) -> Option<&Lamp> {
     Some(&here.1)
 }
 
-/// Finds the lamps that views show in the scene of `gaussians`, which `tracer` traces; `up` is the
-/// unit vector upwards. `progress` is told how many groups of lit pixels are fitted, of how many.
+/// Lamps to look for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kinds {
+    /// All.
+    All,
+    /// Balls, tubes and boxes of a few pixels without a shade or a glow about them, which training
+    /// makes heaps of.
+    Bare,
+}
+
+/// Finds the lamps of these kinds that views show in the scene of `gaussians`, which `tracer` traces;
+/// `up` is the unit vector upwards. `progress` is told how many groups of lit pixels are fitted, of
+/// how many.
 ///
 /// # Errors
 /// If the device fails.
 pub fn find(
-    evidence: &Evidence,
-    gaussians: &Gaussians,
+    (evidence, kinds): (&Evidence, Kinds),
+    (gaussians, tracer): (&Gaussians, &dyn Tracer),
     up: Vec3,
-    tracer: &dyn Tracer,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Found, TraceError> {
     let mut candidates = seen_lamps(evidence, up, tracer, progress)?;
     put_up_shades(evidence, &mut candidates, up, tracer)?;
+    if kinds == Kinds::Bare {
+        candidates.retain(|candidate| candidate.is_bare(evidence));
+    }
     let power =
         |c: &Candidate| luminance(place::power(&c.fit.shape, c.measured.radiance).to_array());
     candidates.sort_by(|a, b| power(b).total_cmp(&power(a)));

@@ -1,4 +1,5 @@
-//! Translucent Gaussians beside a small lamp that are darker than anything that close to it.
+//! What training puts beside small lamps that is not there: heaps of discs that make up a lamp
+//! before it is clean, and translucent ones that are darker than anything that close to it.
 //!
 //! Of the surroundings of a lamp few views show more than what is beyond them, and discs in the air
 //! that look like it cost nothing: they let little of the lamp's light into the room. A surface
@@ -22,6 +23,26 @@ const OPAQUE: f32 = 0.75;
 /// Start of a ray from a disc, in parts of the way to the lamp.
 const START: f32 = 1e-3;
 
+/// Whether each of `gaussians` stays, `[n]`, when bare `lamps` become clean while training goes on.
+/// It has put discs about them that are brighter than a surface, and dark ones that hide these:
+/// among the first `num_moving` only those beside the lamps stay that emit or lie at a surface.
+pub fn without_heaps(
+    (gaussians, num_moving): (&Gaussians, usize),
+    lamps: &Lamps,
+    is_at_surface: impl Fn(Vec3) -> bool,
+) -> Vec<bool> {
+    let bare: Vec<&Lamp> = bare(lamps).collect();
+    let stays = |i: usize| {
+        let position = gaussians.positions[i];
+        let is_beside = |lamp: &&Lamp| lamp.distance(position) <= reach(lamp);
+        i >= num_moving
+            || gaussians.emissions[i] > EMISSION_THRESHOLD
+            || !bare.iter().any(is_beside)
+            || is_at_surface(position)
+    };
+    (0..gaussians.len()).map(stays).collect()
+}
+
 /// Whether each of `gaussians` stays, `[n]`. Of others, among the first `num_moving`, which are not
 /// the lamps' own, the light that bare `lamps` send them, past what is opaque, would make a surface
 /// brighter than they are.
@@ -39,9 +60,9 @@ pub fn without_strays(
     };
     let translucent: Vec<usize> = (0..num_moving).filter(is_translucent).collect();
     let mut suspects = Vec::new();
-    for lamp in lamps.lamps.iter().filter(|lamp| shines_around(lamp)) {
+    for lamp in bare(lamps) {
         let (centre, size) = (lamp.centre(), Vec3::from(lamp.size));
-        let reach = NEAR * size.element_product().cbrt();
+        let reach = reach(lamp);
         let intensity = lamp.luminous_power() / (4.0 * PI);
         for &i in &translucent {
             if lamp.distance(gaussians.positions[i]) > reach {
@@ -93,13 +114,20 @@ impl Suspect {
     }
 }
 
-/// Whether a lamp is small and bare, and sends its light to all sides.
-fn shines_around(lamp: &Lamp) -> bool {
-    let is_round = matches!(
-        lamp.shape,
-        LampShape::Ball | LampShape::Tube | LampShape::Box
-    );
-    is_round && !lamp.one_sided && lamp.shade == 0.0
+/// The lamps that are bare, and send their light to all sides.
+fn bare(lamps: &Lamps) -> impl Iterator<Item = &Lamp> {
+    lamps.lamps.iter().filter(|lamp| {
+        let is_round = matches!(
+            lamp.shape,
+            LampShape::Ball | LampShape::Tube | LampShape::Box
+        );
+        is_round && !lamp.one_sided && lamp.shade == 0.0
+    })
+}
+
+/// Distance from a lamp within which what is beside it lies.
+fn reach(lamp: &Lamp) -> f32 {
+    NEAR * Vec3::from(lamp.size).element_product().cbrt()
 }
 
 #[cfg(test)]
@@ -164,6 +192,31 @@ mod tests {
         // Black glass is no closer than this.
         let far = Vec3::new(0.4, 0.0, 0.0);
         assert_eq!(kept(&[disc(far, 0.0, 0.5)], &ball()), [true]);
+    }
+
+    #[test]
+    fn of_a_heap_around_a_lamp_what_lies_at_a_surface_stays() {
+        let at = |x: f32| disc(Vec3::new(x, 0.0, 0.0), 1.0, 0.9);
+        let emits = Gaussian {
+            emission: 1.0,
+            ..at(0.1)
+        };
+        let scene: Gaussians = [at(0.1), at(0.2), at(0.5), emits, at(0.1)]
+            .into_iter()
+            .collect();
+        let lamps = |lamp: Lamp| Lamps { lamps: vec![lamp] };
+        let surface = |place: Vec3| (place.x - 0.2).abs() < 0.01;
+        let keep = without_heaps((&scene, 4), &lamps(ball()), surface);
+        // At a surface, far away, emitting, the lamp's own.
+        assert_eq!(keep, [false, true, true, true, true]);
+        let panel = Lamp {
+            shape: LampShape::Panel,
+            ..ball()
+        };
+        assert_eq!(
+            without_heaps((&scene, 4), &lamps(panel), surface),
+            [true; 5]
+        );
     }
 
     #[test]

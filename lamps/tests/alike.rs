@@ -6,7 +6,7 @@
 mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, find};
+use eagpt_lamps::{Evidence, Kinds, find};
 use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::{Camera, Gaussians, rotation};
 use eagpt_trace::Device;
@@ -36,7 +36,13 @@ fn found(strips: &[Shape], eyes: &[(DVec3, DVec3)]) -> Vec<Lamp> {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph_all(i, camera, &shining, &[]), 0, &seen);
     }
-    let found = find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
+    let found = find(
+        (&evidence, Kinds::All),
+        (&scene, &*tracer),
+        Vec3::Z,
+        &mut |_, _| (),
+    )
+    .unwrap();
     found.lamps.lamps
 }
 

@@ -5,7 +5,7 @@
 mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, find};
+use eagpt_lamps::{Evidence, Kinds, find};
 use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::{Camera, Gaussians, View, rotation};
 use eagpt_trace::Device;
@@ -41,10 +41,15 @@ fn found_lit(
         done(&mut view);
         evidence.add(&view, 0, &seen);
     }
-    find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ())
-        .unwrap()
-        .lamps
-        .lamps
+    find(
+        (&evidence, Kinds::All),
+        (&scene, &*tracer),
+        Vec3::Z,
+        &mut |_, _| (),
+    )
+    .unwrap()
+    .lamps
+    .lamps
 }
 
 /// Checks that each of `lamps` is found, within this share of its power, and nothing else.

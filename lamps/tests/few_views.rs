@@ -6,7 +6,7 @@
 mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, find};
+use eagpt_lamps::{Evidence, Kinds, find};
 use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::{Camera, Gaussians, rotation};
 use eagpt_trace::Device;
@@ -53,7 +53,13 @@ fn found_behind(scene: &Gaussians, lamps: &[Shape], hides: &[Shape], up: &[Camer
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph_all(i, camera, &lamps, hides), 0, &seen);
     }
-    let found = find(&evidence, scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
+    let found = find(
+        (&evidence, Kinds::All),
+        (scene, &*tracer),
+        Vec3::Z,
+        &mut |_, _| (),
+    )
+    .unwrap();
     found.lamps.lamps
 }
 

@@ -6,7 +6,7 @@
 mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, Found, find, freed};
+use eagpt_lamps::{Evidence, Found, Kinds, find, freed};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussian, Gaussians, Gloss, SceneEdit, rotation};
@@ -16,13 +16,23 @@ use rig::{RADIANCE, cameras, patch, photograph, room};
 use std::f32::consts::PI;
 
 fn found(lamp: &Shape, scene: &Gaussians) -> Found {
+    found_of(Kinds::All, lamp, scene)
+}
+
+fn found_of(kinds: Kinds, lamp: &Shape, scene: &Gaussians) -> Found {
     let tracer = Device::Cpu.scene(scene).unwrap();
     let mut evidence = Evidence::default();
     for (i, camera) in cameras().into_iter().enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, lamp, &[]), 0, &seen);
     }
-    find(&evidence, scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap()
+    find(
+        (&evidence, kinds),
+        (scene, &*tracer),
+        Vec3::Z,
+        &mut |_, _| (),
+    )
+    .unwrap()
 }
 
 /// A flat square of 5 cm discs of this opacity.
@@ -56,6 +66,9 @@ fn a_panel_at_the_ceiling_is_flat_and_nothing_hides_it() {
     scene.extend(film(flat.centre - Vec3::Z * 0.03, 0.12, 0.4, None));
     let film = first..scene.len();
     let scene: Gaussians = scene.into_iter().collect();
+    let bare = found_of(Kinds::Bare, &Shape::Rectangle(flat), &scene);
+    assert_eq!(bare.lamps, Lamps::default());
+    assert_eq!(bare.edit, SceneEdit::nothing(scene.len()));
     let found = found(&Shape::Rectangle(flat), &scene);
     let [lamp] = found.lamps.lamps.as_slice() else {
         panic!("{:?}", found.lamps)
@@ -130,6 +143,9 @@ fn round_and_long_lamps_have_their_power() {
         scene.extend(surface.discs().iter());
         let scene: Gaussians = scene.into_iter().collect();
         let found = found(&lamp, &scene);
+        // To some views it is large.
+        let bare = found_of(Kinds::Bare, &lamp, &scene);
+        assert_eq!(bare.lamps, Lamps::default());
         let [own] = found.lamps.lamps.as_slice() else {
             panic!("{:?}", found.lamps)
         };
@@ -145,14 +161,30 @@ fn round_and_long_lamps_have_their_power() {
 }
 
 #[test]
+fn a_ball_of_a_few_pixels_is_a_bare_lamp() {
+    let ball = Shape::Ball {
+        centre: Vec3::new(0.1, 0.2, 1.9),
+        radius: 0.015,
+    };
+    let bare = found_of(Kinds::Bare, &ball, &room());
+    assert_eq!(bare, found(&ball, &room()));
+    let [lamp] = bare.lamps.lamps.as_slice() else {
+        panic!("{:?}", bare.lamps)
+    };
+    assert_eq!(lamp.shape, LampShape::Ball);
+    assert!(lamp.centre().distance(ball.centre()) < 0.01, "{lamp:?}");
+}
+
+#[test]
 fn where_no_mask_shows_a_lamp_nothing_changes() {
     let scene = room();
     let tracer = Device::Cpu.scene(&scene).unwrap();
+    let evidence = Evidence::default();
+    let scene_and_tracer = (&scene, &*tracer);
     let found = find(
-        &Evidence::default(),
-        &scene,
+        (&evidence, Kinds::All),
+        scene_and_tracer,
         Vec3::Z,
-        &*tracer,
         &mut |_, _| (),
     )
     .unwrap();

@@ -5,7 +5,7 @@
 mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, find};
+use eagpt_lamps::{Evidence, Kinds, find};
 use eagpt_scene::lamps::LampShape;
 use eagpt_scene::{Camera, Gaussian, Gaussians};
 use eagpt_trace::{Device, Ray};
@@ -58,7 +58,13 @@ fn a_bulb_in_a_shade_has_the_power_of_a_whole_ball() {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, &bulb, &shade), 0, &seen);
     }
-    let found = find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
+    let found = find(
+        (&evidence, Kinds::All),
+        (&scene, &*tracer),
+        Vec3::Z,
+        &mut |_, _| (),
+    )
+    .unwrap();
     let [lamp] = found.lamps.lamps.as_slice() else {
         panic!("{:?}", found.lamps);
     };
@@ -126,7 +132,13 @@ fn a_low_shade_is_closed_above_unless_the_ceiling_is_lit() {
             let seen = tracer.gbuffer(&camera).unwrap();
             evidence.add(&photograph(i, camera, &bulb, shade), 0, &seen);
         }
-        let found = find(&evidence, &scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap();
+        let found = find(
+            (&evidence, Kinds::All),
+            (&scene, &*tracer),
+            Vec3::Z,
+            &mut |_, _| (),
+        )
+        .unwrap();
         (found.edit.applied(&scene), found.lamps.lamps)
     };
     let dark: Vec<Gaussian> = room().iter().collect();

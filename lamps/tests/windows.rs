@@ -5,7 +5,7 @@
 mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, Found, find};
+use eagpt_lamps::{Evidence, Found, Kinds, find};
 use eagpt_scene::lamps::LampShape;
 use eagpt_scene::{Gaussian, Gaussians, rotation};
 use eagpt_trace::Device;
@@ -31,7 +31,13 @@ fn found(lamp: &Shape, bars: &[Shape], num_lit: usize, scene: &Gaussians) -> Fou
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, shown, bars), 0, &seen);
     }
-    find(&evidence, scene, Vec3::Z, &*tracer, &mut |_, _| ()).unwrap()
+    find(
+        (&evidence, Kinds::All),
+        (scene, &*tracer),
+        Vec3::Z,
+        &mut |_, _| (),
+    )
+    .unwrap()
 }
 
 /// Checks the lamp that is found behind bars of this width, scene units.

@@ -12,6 +12,7 @@ use crate::color::luminance;
 use crate::rotation;
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::fmt;
 
@@ -231,6 +232,25 @@ impl Lamps {
         let distances = lamps.map(|(index, lamp)| (index, lamp.distance(position)));
         let nearest = distances.min_by(|a, b| a.1.total_cmp(&b.1));
         nearest.map(|(index, _)| index)
+    }
+
+    /// The lamps of two lists, those with most power first, and numbered in that order.
+    pub fn joined(mut self, others: Self) -> Self {
+        self.lamps.extend(others.lamps);
+        let power = |lamp: &Lamp| lamp.luminous_power();
+        (self.lamps).sort_by(|a, b| power(b).total_cmp(&power(a)));
+        let mut counts = BTreeMap::new();
+        for lamp in &mut self.lamps {
+            let kind = lamp
+                .name
+                .rsplit_once('-')
+                .map_or(&*lamp.name, |name| name.0);
+            let kind = kind.to_owned();
+            let count = counts.entry(kind.clone()).or_insert(0);
+            *count += 1;
+            lamp.name = format!("{kind}-{count}");
+        }
+        self
     }
 
     /// The lamp of this name.

@@ -1,6 +1,7 @@
 //! The training job: which view comes when, with which step sizes; logs, previews, checkpoints,
 //! divergence.
 
+mod bare_lamps;
 mod check;
 mod fingerprint;
 mod finish;

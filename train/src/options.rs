@@ -224,24 +224,47 @@ pub struct RadianceOptions {
 pub struct LampOptions {
     /// Whether lamps become clean; in the paper they stay as they were trained.
     pub clean: bool,
-    /// Share of the iterations after which they do, 0 to 1: geometry has to be right by then, what
-    /// is around them has to fit them afterwards, and in a long rest films form before them again.
+    /// Share of the iterations after which small bare ones do, 0 to 1: before heaps of discs have
+    /// gathered about them. Of several lights none do then.
+    pub bare_after: f32,
+    /// Share of the iterations after which all do, 0 to 1: geometry has to be right by then, and
+    /// what is around them has to fit them afterwards.
     pub after: f32,
 }
 
+/// Share of the iterations of stage 0 between two times that clean lamps are freed.
+const FREED_EVERY: f64 = 0.025;
+
 impl LampOptions {
-    /// Whether lamps become clean after `iteration` of `total`.
+    /// Whether small bare lamps become clean after `iteration` of `total`.
+    pub fn is_due_for_bare(&self, iteration: u32, total: u32) -> bool {
+        let at = due(self.bare_after, total);
+        self.clean && iteration == at && at < due(self.after, total)
+    }
+
+    /// Whether all lamps become clean after `iteration` of `total`.
     pub fn is_due(&self, iteration: u32, total: u32) -> bool {
-        let due = (f64::from(self.after) * f64::from(total)).round() as u32;
-        self.clean && iteration == due.clamp(1, total)
+        self.clean && iteration == due(self.after, total)
+    }
+
+    /// Whether all lamps are clean after `iteration` of `total`.
+    pub fn is_done(&self, iteration: u32, total: u32) -> bool {
+        self.clean && iteration >= due(self.after, total)
     }
 
     /// Whether what has come to stand before clean lamps since goes after `iteration` of `total`:
-    /// half-way to the end, where what is around can still make up for it, and at the end.
+    /// now and then, so that what is around can make up for it, and at the end.
     pub fn is_freed(&self, iteration: u32, total: u32) -> bool {
-        let half_way = (0.5 * (1.0 + f64::from(self.after)) * f64::from(total)).round() as u32;
-        self.clean && (iteration == half_way || iteration == total)
+        let every = ((FREED_EVERY * f64::from(total)).round() as u32).max(1);
+        let is_time = iteration == total || iteration.is_multiple_of(every);
+        self.clean && is_time && iteration > due(self.bare_after.min(self.after), total)
     }
+}
+
+/// The iteration of `total` after a `share` of them.
+fn due(share: f32, total: u32) -> u32 {
+    let due = (f64::from(share) * f64::from(total)).round() as u32;
+    due.clamp(1, total)
 }
 
 /// Splitting of Gaussians during stage 0.

@@ -23,6 +23,8 @@ const HIDDEN: f32 = 3.0;
 const COVERED: f32 = 0.6;
 /// Most of that radius as seen at an angle.
 const MOST_OBLIQUE: f32 = 2.0;
+/// Distance from a point within which a place is at its surface, in its radii.
+const AT_POINT: f32 = 0.5;
 /// Of a pixel without a point.
 pub(crate) const NOTHING: u32 = u32::MAX;
 
@@ -134,6 +136,18 @@ impl Discs {
             positions,
             radii,
             normals,
+        }
+    }
+
+    /// Tells of places whether they lie at a point.
+    pub(crate) fn near_points(&self) -> impl Fn(Vec3) -> bool + '_ {
+        let coordinates: Vec<[f32; 3]> = self.positions.iter().map(Vec3::to_array).collect();
+        let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&coordinates);
+        let wanted = NonZeroUsize::new(NEIGHBOURS + 1).expect("positive constants");
+        move |place| {
+            let near = tree.nearest_n::<SquaredEuclidean>(&place.to_array(), wanted);
+            near.iter()
+                .any(|n| n.distance.sqrt() <= AT_POINT * self.radii[n.item as usize])
         }
     }
 
@@ -277,6 +291,19 @@ mod tests {
         assert!(seen.is_sorted_by_key(|point| point.pixel));
         // Nine pixels a side on the board, and 40×30 but for 12×12 on the wall.
         assert!(num_near >= 75 && num_far >= 950, "{num_near} {num_far}");
+    }
+
+    #[test]
+    fn places_are_at_points_within_half_their_radii() {
+        let (cloud, _) = wall_and_board();
+        let discs = Discs::new(&cloud, true);
+        let is_at_point = discs.near_points();
+        let (point, radius) = (discs.positions[0], discs.radii[0]);
+        for (off, is_there) in [(0.0, true), (0.45, true), (0.55, false)] {
+            // Along its plane are others.
+            let place = point + Vec3::Z * off * radius;
+            assert_eq!(is_at_point(place), is_there, "{off}");
+        }
     }
 
     #[test]

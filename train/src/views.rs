@@ -57,6 +57,11 @@ impl Views {
         self.clouds = clouds;
     }
 
+    /// The cloud of a light, if views tell which of its points they see.
+    pub(crate) fn cloud(&self, light: usize) -> Option<&Discs> {
+        self.clouds.get(light)?.as_deref()
+    }
+
     /// From here on these pixels are unknown, by the indices of views. This happens once.
     pub(crate) fn hide(&self, hidden: HashMap<usize, Vec<bool>>) {
         self.hidden.get_or_init(|| hidden);

@@ -210,3 +210,27 @@ fn damaged_files_are_refused_by_file_field_and_value() {
     let gone = read_lamps(&dir.path().join("x.json")).unwrap_err();
     assert!(gone.to_string().ends_with("x.json: no such file"));
 }
+
+#[test]
+fn joined_lists_are_numbered_by_power() {
+    let of = |name: &str, power: f32| Lamp {
+        power: [power; 3],
+        ..ball(name, 0.0, 0.1)
+    };
+    let list = |lamps: &[Lamp]| Lamps {
+        lamps: lamps.to_vec(),
+    };
+    let found = list(&[of("wall-1", 5.0), of("ball-1", 2.0)]);
+    let bare = list(&[of("ball-1", 3.0), of("tube-1", 1.0)]);
+    let joined = found.joined(bare);
+    let all: Vec<_> = (joined.lamps.iter())
+        .map(|lamp| (lamp.name.as_str(), lamp.power[0]))
+        .collect();
+    let expected = [
+        ("wall-1", 5.0),
+        ("ball-1", 3.0),
+        ("ball-2", 2.0),
+        ("tube-1", 1.0),
+    ];
+    assert_eq!(all, expected);
+}

@@ -104,6 +104,11 @@ impl Folder {
         self.of_light(light).join(LAMPS_FILE)
     }
 
+    /// The bare lamps that are clean before all are.
+    pub(super) fn bare_lamps(&self) -> PathBuf {
+        self.checkpoints().join(LAMPS_FILE)
+    }
+
     /// Scene and lamps with the lamps of all lights on.
     pub(super) fn all_lamps(&self) -> [PathBuf; 2] {
         [SCENE_FILE, LAMPS_FILE].map(|name| self.root.join(ALL_LAMPS_DIR).join(name))

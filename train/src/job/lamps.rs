@@ -1,6 +1,7 @@
 //! Emitters become clean lamps, once, towards the end of stage 0; between the stages, what these
 //! shine through emits with them.
 
+use super::bare_lamps::shown;
 use super::run::Run;
 use crate::backend::{Backend, TrainingView};
 use crate::bake::emits;
@@ -8,46 +9,76 @@ use crate::error::Result;
 use crate::luminous::{luminous, reach};
 use crate::progress::TrainProgress;
 use crate::views::Views;
-use eagpt_lamps::Evidence;
+use eagpt_lamps::{Evidence, Found, Kinds};
 use eagpt_scene::lamps::{Lamp, Lamps, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, LampShape};
+use eagpt_trace::Tracer;
 use glam::Vec3;
 use std::collections::HashSet;
 use std::path::Path;
 
 impl Run<'_> {
     /// Finds the lamps that the masks of training views show, makes them clean and lists them
-    /// beside the scene. Later iterations leave them as they are, and fit what is around them.
+    /// beside the scene, with bare ones that are clean already. Later iterations leave them as they
+    /// are, and fit what is around them. Of the fixed Gaussians all but the last `num_mirrors` are
+    /// of bare lamps.
     pub(super) fn clean_lamps(
         &mut self,
         backend: &mut dyn Backend,
         views: &Views,
         iteration: u32,
+        num_mirrors: usize,
     ) -> Result<()> {
-        // Whatever emits in any light is of a lamp.
-        let gaussians = all_emitting(&backend.state()?.in_lights());
-        let tracer = self.request.device.scene(&gaussians)?;
-        let mut evidence = Evidence::default();
-        for training in views.iter() {
-            let TrainingView { view, light, .. } = training?;
-            if view.emission.is_some() {
-                evidence.add(&view, light, &tracer.gbuffer(&view.camera)?);
-            }
-        }
-        let up = views.up();
-        let progress = &mut self.progress;
-        let mut fitting = |done, total| progress(TrainProgress::FittingLamps { done, total });
-        let found = eagpt_lamps::find(&evidence, &gaussians, up, &*tracer, &mut fitting)?;
+        let bare = self.keep_bare(backend, views, num_mirrors)?;
+        let scene = all_emitting(&backend.state()?.in_lights());
+        let own = backend.state()?.num_moving()..scene.len() - num_mirrors;
+        let own: Gaussians = own.map(|i| scene.get(i)).collect();
+        let device = &self.request.device;
+        let own = (!own.is_empty()).then(|| device.scene(&own)).transpose()?;
+        let tracer = device.scene(&scene)?;
+        let evidence = lit_pixels(&*tracer, views, own.as_deref())?;
+        let found = self.find_lamps((&evidence, Kinds::All), (&scene, &*tracer), views)?;
         let lights = 0..views.num_lights();
-        for light in lights.clone() {
-            write_lamps(&self.folder.lamps(light), &found.in_light(light))?;
-        }
+        let mut num_lamps = found.lamps.lamps.len();
         if lights.len() > 1 {
+            for light in lights {
+                write_lamps(&self.folder.lamps(light), &found.in_light(light))?;
+            }
             let [_, path] = self.folder.all_lamps();
             write_lamps(&path, &found.lamps)?;
+        } else {
+            let all = found.in_light(0).joined(bare);
+            num_lamps = all.lamps.len();
+            write_lamps(&self.folder.lamps(0), &all)?;
         }
-        let num_lamps = found.lamps.lamps.len();
+        self.put_in(backend, (&found, num_lamps), views, iteration)
+    }
+
+    pub(super) fn find_lamps(
+        &mut self,
+        evidence: (&Evidence, Kinds),
+        scene: (&Gaussians, &dyn Tracer),
+        views: &Views,
+    ) -> Result<Found> {
+        let progress = &mut self.progress;
+        let mut fitting = |done, total| progress(TrainProgress::FittingLamps { done, total });
+        Ok(eagpt_lamps::find(
+            evidence,
+            scene,
+            views.up(),
+            &mut fitting,
+        )?)
+    }
+
+    pub(super) fn put_in(
+        &mut self,
+        backend: &mut dyn Backend,
+        (found, num_lamps): (&Found, usize),
+        views: &Views,
+        iteration: u32,
+    ) -> Result<()> {
+        let lights = 0..views.num_lights();
         let radiances: Vec<_> = lights.map(|light| found.radiances(light)).collect();
         backend.edit(&found.edit, &radiances)?;
         (self.progress)(TrainProgress::Lamps {
@@ -58,20 +89,33 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Takes away what iterations have put before clean lamps since.
-    pub(super) fn free_lamps(&self, backend: &mut dyn Backend, views: &Views) -> Result<()> {
-        let path = match views.num_lights() {
-            1 => self.folder.lamps(0),
-            _ => self.folder.all_lamps()[1].clone(),
+    /// Takes away what iterations have put before clean lamps since: before all of them, if these
+    /// are clean, or the bare ones.
+    pub(super) fn free_lamps(
+        &self,
+        backend: &mut dyn Backend,
+        views: &Views,
+        all: bool,
+    ) -> Result<()> {
+        let path = match (all, views.num_lights()) {
+            (false, _) => self.folder.bare_lamps(),
+            (true, 1) => self.folder.lamps(0),
+            (true, _) => self.folder.all_lamps()[1].clone(),
         };
         let lamps = read_lamps(&path)?;
-        let state = backend.state()?;
-        let (scene, num) = (state.gaussians(), state.num_moving());
+        if lamps.lamps.is_empty() {
+            return Ok(());
+        }
+        let (scene, num_moving) = moving(backend)?;
         let eyes = |lamp: &Lamp| views.eyes(lamp).collect();
-        let mut edit = eagpt_lamps::freed(&scene, num, &lamps, eyes);
-        let keep = eagpt_lamps::without_strays(&self.request.device, (&scene, num), &lamps)?;
-        edit.take_out(&keep);
-        backend.edit(&edit, &vec![Vec::new(); views.num_lights()])
+        let mut edit = eagpt_lamps::freed(&scene, num_moving, &lamps, eyes);
+        let device = &self.request.device;
+        edit.take_out(&eagpt_lamps::without_strays(
+            device,
+            (&scene, num_moving),
+            &lamps,
+        )?);
+        backend.edit(&edit, &unlit(views))
     }
 
     /// Lets what is brighter than it can reflect near lamps emit, before albedos are to explain it,
@@ -124,6 +168,42 @@ impl Run<'_> {
         }
         Ok(())
     }
+}
+
+/// The lit pixels of training views, and where the scene that `tracer` traces has them; without
+/// those that show what `known` traces, and those beside them.
+pub(super) fn lit_pixels(
+    tracer: &dyn Tracer,
+    views: &Views,
+    known: Option<&dyn Tracer>,
+) -> Result<Evidence> {
+    let mut evidence = Evidence::default();
+    for training in views.iter() {
+        let TrainingView { view, light, .. } = training?;
+        if view.emission.is_none() {
+            continue;
+        }
+        let seen = tracer.gbuffer(&view.camera)?;
+        match known {
+            Some(known) => {
+                let shown = shown(&known.gbuffer(&view.camera)?, &view.camera);
+                evidence.add(&view.without(&shown), light, &seen);
+            }
+            None => evidence.add(&view, light, &seen),
+        }
+    }
+    Ok(evidence)
+}
+
+/// The scene of a backend, and the number of its Gaussians that are not fixed, the first ones.
+pub(super) fn moving(backend: &mut dyn Backend) -> Result<(Gaussians, usize)> {
+    let state = backend.state()?;
+    Ok((state.gaussians(), state.num_moving()))
+}
+
+/// Radiances of no new Gaussians in the lights of the views.
+pub(super) fn unlit(views: &Views) -> Vec<Vec<Option<Vec3>>> {
+    vec![Vec::new(); views.num_lights()]
 }
 
 /// The scene in which all emits that emits in one of its lights, at least one, as it does in the

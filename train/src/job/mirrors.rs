@@ -35,13 +35,14 @@ struct Placed {
 
 impl Run<'_> {
     /// Finds the mirrors that training views show, puts them into the scene and lists them beside
-    /// it. From here on nothing is learned from the pixels that show them.
+    /// it; returns the number of their discs, the last ones. From here on nothing is learned from
+    /// the pixels that show them.
     pub(super) fn place_mirrors(
         &mut self,
         backend: &mut dyn Backend,
         views: &Views,
         iteration: u32,
-    ) -> Result<()> {
+    ) -> Result<usize> {
         let request = self.request;
         let scene = backend.state()?.in_lights().swap_remove(0);
         let tracer = request.device.scene(&scene)?;
@@ -53,7 +54,7 @@ impl Run<'_> {
         }
         let mirrors = eagpt_mirrors::find(&evidence, views.up(), &*tracer, request.options.seed)?;
         if mirrors.is_empty() {
-            return Ok(());
+            return Ok(0);
         }
         let mut room = Room::new(&mirrors, &evidence, &scene, &*tracer);
         for training in views.of_light(0) {
@@ -88,7 +89,7 @@ impl Run<'_> {
         let placed = Placed { iteration, mirrors };
         files::write_json(&self.folder.mirrors(), &placed)?;
         self.mirrors = placed.mirrors;
-        Ok(())
+        Ok(edit.fixed.len())
     }
 
     /// Takes the mirrors of an earlier run that goes on from `start`, if it has placed them by

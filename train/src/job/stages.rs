@@ -118,9 +118,14 @@ impl Run<'_> {
             };
             let lamps = &options.radiance.lamps;
             let cleans = stage == Stage::Radiance && lamps.is_due(iteration, total);
-            let frees = stage == Stage::Radiance && lamps.is_freed(iteration, total);
+            // In several lights all become clean at once.
+            let has_bare = stage == Stage::Radiance && views.num_lights() == 1;
+            let cleans_bare = has_bare && lamps.is_due_for_bare(iteration, total);
+            let all_clean = stage == Stage::Radiance && lamps.is_done(iteration, total);
+            let frees = (all_clean || has_bare) && lamps.is_freed(iteration, total);
             let is_watched = self.is_watched_now();
-            if stores || shows || splits.is_some() || cleans || frees || is_watched {
+            let edits = splits.is_some() || cleans_bare || cleans || frees;
+            if stores || shows || edits || is_watched {
                 for step in backend.finish()? {
                     self.note(&mut log, position, total, &step)?;
                 }
@@ -128,14 +133,18 @@ impl Run<'_> {
             if let Some(time) = splits {
                 self.densify(backend, views, iteration, time)?;
             }
-            if cleans && options.radiance.mirrors {
-                self.place_mirrors(backend, views, iteration)?;
+            if cleans_bare {
+                self.clean_bare_lamps(backend, views, iteration)?;
             }
             if cleans {
-                self.clean_lamps(backend, views, iteration)?;
+                let num_mirrors = match options.radiance.mirrors {
+                    true => self.place_mirrors(backend, views, iteration)?,
+                    false => 0,
+                };
+                self.clean_lamps(backend, views, iteration, num_mirrors)?;
             }
             if frees {
-                self.free_lamps(backend, views)?;
+                self.free_lamps(backend, views, all_clean)?;
             }
             if shows {
                 let psnr_srgb_db = preview::write(&self.folder, backend, &shown, stage, iteration)?;

@@ -118,7 +118,9 @@ impl TrainOptions {
         ] {
             not_negative(&format!("radiance.weights.{field}"), value)?;
         }
-        share("radiance.lamps.after", self.radiance.lamps.after.into())?;
+        let lamps = &self.radiance.lamps;
+        share("radiance.lamps.bare_after", lamps.bare_after.into())?;
+        share("radiance.lamps.after", lamps.after.into())?;
         let densify = &self.radiance.densify;
         share("radiance.densify.from", densify.from.into())?;
         share("radiance.densify.until", densify.until.into())?;
@@ -190,6 +192,7 @@ fn merge(base: &mut toml::Table, layer: &toml::Table, path: &str) -> Result<()> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::LampOptions;
 
     fn layered(text: &str) -> Result<TrainOptions> {
         TrainOptions::from_layers(Preset::Fast, &[text.parse().unwrap()])
@@ -235,6 +238,31 @@ mod tests {
         densify.times = 0;
         assert_eq!(densify.num_after(0, 1000), 1000);
         assert_eq!((1..=100).find_map(|i| densify.time_at(i, 100)), None);
+    }
+
+    #[test]
+    fn bare_lamps_become_clean_before_all_and_are_freed_from_there_on() {
+        let mut lamps = TrainOptions::preset(Preset::Fast).radiance.lamps;
+        (lamps.bare_after, lamps.after) = (0.5, 0.9);
+        let at =
+            |is_so: &dyn Fn(u32) -> bool| -> Vec<u32> { (1..=80).filter(|i| is_so(*i)).collect() };
+        assert_eq!(at(&|i| lamps.is_due_for_bare(i, 80)), [40]);
+        assert_eq!(at(&|i| lamps.is_due(i, 80)), [72]);
+        let every_second: Vec<u32> = (42..=80).step_by(2).collect();
+        assert_eq!(at(&|i| lamps.is_freed(i, 80)), every_second);
+        assert!(!lamps.is_done(71, 80) && lamps.is_done(72, 80));
+        // Where all are clean first, no bare ones are looked for.
+        let late = LampOptions {
+            bare_after: 1.0,
+            ..lamps.clone()
+        };
+        assert!(!(1..=80).any(|i| late.is_due_for_bare(i, 80)));
+        let off = LampOptions {
+            clean: false,
+            ..lamps
+        };
+        let is_any = |i| off.is_due(i, 80) || off.is_freed(i, 80) || off.is_due_for_bare(i, 80);
+        assert!(!(1..=80).any(is_any));
     }
 
     #[test]

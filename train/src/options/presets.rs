@@ -89,6 +89,7 @@ impl TrainOptions {
                 },
                 lamps: LampOptions {
                     clean: preset != Preset::Paper,
+                    bare_after: 0.4,
                     after: 0.95,
                 },
                 mirrors: preset == Preset::Fast,
