@@ -1,5 +1,5 @@
-//! What training puts beside small lamps that is not there: heaps of discs that make up a lamp
-//! before it is clean, and translucent ones that are darker than anything that close to it.
+//! Discs that training puts beside small lamps where nothing is: heaps that make up a lamp before it
+//! is clean, and translucent ones that are darker than anything that close to it.
 //!
 //! Of the surroundings of a lamp few views show more than what is beyond them, and discs in the air
 //! that look like it cost nothing: they let little of the lamp's light into the room. A surface

@@ -5,13 +5,12 @@
 
 mod rig;
 
+use eagpt_lamps::Kinds;
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, Kinds, find};
 use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::{Camera, Gaussians, rotation};
-use eagpt_trace::Device;
 use glam::{DVec3, Vec3};
-use rig::{RADIANCE, heap, photograph_all, room};
+use rig::{RADIANCE, find_in, heap, photograph_all, room};
 use std::f32::consts::PI;
 
 /// A strip under a cabinet along the wall at x = −2.
@@ -27,23 +26,13 @@ fn strip(y: f32, length: f32) -> Shape {
 fn found(strips: &[Shape], eyes: &[(DVec3, DVec3)]) -> Vec<Lamp> {
     let heaps = strips.iter().flat_map(|strip| heap(strip, RADIANCE));
     let scene: Gaussians = room().iter().chain(heaps).collect();
-    let tracer = Device::Cpu.scene(&scene).unwrap();
     let shining: Vec<(Shape, Vec3)> = strips.iter().map(|strip| (*strip, RADIANCE)).collect();
-    let mut evidence = Evidence::default();
-    for (i, (eye, target)) in eyes.iter().enumerate() {
+    let photographs = eyes.iter().enumerate().map(|(i, (eye, target))| {
         let pose = Camera::level_pose(*eye, (*target - *eye).normalize());
         let camera = Camera::centred([120, 80], 1.3, pose);
-        let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph_all(i, camera, &shining, &[]), 0, &seen);
-    }
-    let found = find(
-        (&evidence, Kinds::All),
-        (&scene, &*tracer),
-        Vec3::Z,
-        &mut |_, _| (),
-    )
-    .unwrap();
-    found.lamps.lamps
+        photograph_all(i, camera, &shining, &[])
+    });
+    find_in(&scene, Kinds::All, photographs).lamps.lamps
 }
 
 /// Two views of all strips from afar, and two of the first one from close by.

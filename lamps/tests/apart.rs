@@ -4,13 +4,12 @@
 
 mod rig;
 
+use eagpt_lamps::Kinds;
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, Kinds, find};
 use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::{Camera, Gaussians, View, rotation};
-use eagpt_trace::Device;
 use glam::{DVec3, Quat, Vec3};
-use rig::{cameras, heap, photograph_all, room};
+use rig::{cameras, find_in, heap, photograph_all, room};
 use std::f32::consts::PI;
 
 /// Lamps found in photographs of these, where training has a heap of discs for each `trained` one.
@@ -33,23 +32,12 @@ fn found_lit(
         .iter()
         .flat_map(|(shape, radiance)| heap(shape, *radiance));
     let scene: Gaussians = room().iter().chain(heaps).collect();
-    let tracer = Device::Cpu.scene(&scene).unwrap();
-    let mut evidence = Evidence::default();
-    for (i, &camera) in cameras.iter().enumerate() {
-        let seen = tracer.gbuffer(&camera).unwrap();
+    let photographs = cameras.iter().enumerate().map(|(i, &camera)| {
         let mut view = photograph_all(i, camera, lamps, &[]);
         done(&mut view);
-        evidence.add(&view, 0, &seen);
-    }
-    find(
-        (&evidence, Kinds::All),
-        (&scene, &*tracer),
-        Vec3::Z,
-        &mut |_, _| (),
-    )
-    .unwrap()
-    .lamps
-    .lamps
+        view
+    });
+    find_in(&scene, Kinds::All, photographs).lamps.lamps
 }
 
 /// Checks that each of `lamps` is found, within this share of its power, and nothing else.

@@ -5,13 +5,12 @@
 
 mod rig;
 
+use eagpt_lamps::Kinds;
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, Kinds, find};
 use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::{Camera, Gaussians, rotation};
-use eagpt_trace::Device;
 use glam::{DVec3, Vec3};
-use rig::{RADIANCE, cameras, heap, patch, photograph_all, room};
+use rig::{RADIANCE, cameras, find_in, heap, patch, photograph_all, room};
 
 const CENTRE: Vec3 = Vec3::new(0.3, 0.1, 2.49);
 const EYES: [DVec3; 2] = [DVec3::new(-1.2, -0.4, 1.0), DVec3::new(0.4, -1.5, 1.2)];
@@ -43,24 +42,13 @@ fn found_in(scene: &Gaussians, lamps: &[Shape], up: &[Camera]) -> Vec<Lamp> {
 /// As [`found_in`], with what `hides` the lamps.
 fn found_behind(scene: &Gaussians, lamps: &[Shape], hides: &[Shape], up: &[Camera]) -> Vec<Lamp> {
     let lamps: Vec<(Shape, Vec3)> = lamps.iter().map(|lamp| (*lamp, RADIANCE)).collect();
-    let tracer = Device::Cpu.scene(scene).unwrap();
     let down = cameras().into_iter().map(|camera| {
         let eye = camera.origin().as_dvec3();
         looking(eye, DVec3::new(-0.5 * eye.x, -0.5 * eye.y, 0.0))
     });
-    let mut evidence = Evidence::default();
-    for (i, camera) in up.iter().copied().chain(down).enumerate() {
-        let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph_all(i, camera, &lamps, hides), 0, &seen);
-    }
-    let found = find(
-        (&evidence, Kinds::All),
-        (scene, &*tracer),
-        Vec3::Z,
-        &mut |_, _| (),
-    )
-    .unwrap();
-    found.lamps.lamps
+    let all = up.iter().copied().chain(down).enumerate();
+    let photographs = all.map(|(i, camera)| photograph_all(i, camera, &lamps, hides));
+    find_in(scene, Kinds::All, photographs).lamps.lamps
 }
 
 #[test]

@@ -6,13 +6,12 @@
 mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, Found, Kinds, find, freed};
+use eagpt_lamps::{Found, Kinds, freed};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussian, Gaussians, Gloss, SceneEdit, rotation};
-use eagpt_trace::Device;
 use glam::{Quat, Vec2, Vec3};
-use rig::{RADIANCE, cameras, patch, photograph, room};
+use rig::{RADIANCE, cameras, find_in, patch, photograph, room};
 use std::f32::consts::PI;
 
 fn found(lamp: &Shape, scene: &Gaussians) -> Found {
@@ -20,19 +19,12 @@ fn found(lamp: &Shape, scene: &Gaussians) -> Found {
 }
 
 fn found_of(kinds: Kinds, lamp: &Shape, scene: &Gaussians) -> Found {
-    let tracer = Device::Cpu.scene(scene).unwrap();
-    let mut evidence = Evidence::default();
-    for (i, camera) in cameras().into_iter().enumerate() {
-        let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph(i, camera, lamp, &[]), 0, &seen);
-    }
-    find(
-        (&evidence, kinds),
-        (scene, &*tracer),
-        Vec3::Z,
-        &mut |_, _| (),
+    let cameras = cameras().into_iter().enumerate();
+    find_in(
+        scene,
+        kinds,
+        cameras.map(|(i, camera)| photograph(i, camera, lamp, &[])),
     )
-    .unwrap()
 }
 
 /// A flat square of 5 cm discs of this opacity.
@@ -178,16 +170,7 @@ fn a_ball_of_a_few_pixels_is_a_bare_lamp() {
 #[test]
 fn where_no_mask_shows_a_lamp_nothing_changes() {
     let scene = room();
-    let tracer = Device::Cpu.scene(&scene).unwrap();
-    let evidence = Evidence::default();
-    let scene_and_tracer = (&scene, &*tracer);
-    let found = find(
-        (&evidence, Kinds::All),
-        scene_and_tracer,
-        Vec3::Z,
-        &mut |_, _| (),
-    )
-    .unwrap();
+    let found = find_in(&scene, Kinds::All, std::iter::empty());
     assert!(found.lamps.lamps.is_empty());
     assert_eq!(found.edit, SceneEdit::nothing(scene.len()));
     assert_eq!(found.edit.applied(&scene), scene);

@@ -4,13 +4,13 @@
 
 mod rig;
 
+use eagpt_lamps::Kinds;
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, Kinds, find};
 use eagpt_scene::lamps::LampShape;
 use eagpt_scene::{Camera, Gaussian, Gaussians};
 use eagpt_trace::{Device, Ray};
 use glam::{DVec3, Mat3, Quat, Vec3};
-use rig::{RADIANCE, cameras, heap, patch, photograph, room};
+use rig::{RADIANCE, cameras, find_in, heap, patch, photograph, room};
 use std::f32::consts::TAU;
 
 const NUM_SIDES: u8 = 8;
@@ -52,19 +52,9 @@ fn a_bulb_in_a_shade_has_the_power_of_a_whole_ball() {
         .chain(sides.iter().flat_map(discs))
         .chain(heap(&bulb, RADIANCE))
         .collect();
-    let tracer = Device::Cpu.scene(&scene).unwrap();
-    let mut evidence = Evidence::default();
-    for (i, camera) in cameras().into_iter().enumerate() {
-        let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph(i, camera, &bulb, &shade), 0, &seen);
-    }
-    let found = find(
-        (&evidence, Kinds::All),
-        (&scene, &*tracer),
-        Vec3::Z,
-        &mut |_, _| (),
-    )
-    .unwrap();
+    let cameras = cameras().into_iter().enumerate();
+    let photographs = cameras.map(|(i, camera)| photograph(i, camera, &bulb, &shade));
+    let found = find_in(&scene, Kinds::All, photographs);
     let [lamp] = found.lamps.lamps.as_slice() else {
         panic!("{:?}", found.lamps);
     };
@@ -126,19 +116,9 @@ fn a_low_shade_is_closed_above_unless_the_ceiling_is_lit() {
             .chain(discs)
             .chain(heap(&bulb, RADIANCE))
             .collect();
-        let tracer = Device::Cpu.scene(&scene).unwrap();
-        let mut evidence = Evidence::default();
-        for (i, camera) in around(centre, [1.2, 0.2]).into_iter().enumerate() {
-            let seen = tracer.gbuffer(&camera).unwrap();
-            evidence.add(&photograph(i, camera, &bulb, shade), 0, &seen);
-        }
-        let found = find(
-            (&evidence, Kinds::All),
-            (&scene, &*tracer),
-            Vec3::Z,
-            &mut |_, _| (),
-        )
-        .unwrap();
+        let cameras = around(centre, [1.2, 0.2]).into_iter().enumerate();
+        let photographs = cameras.map(|(i, camera)| photograph(i, camera, &bulb, shade));
+        let found = find_in(&scene, Kinds::All, photographs);
         (found.edit.applied(&scene), found.lamps.lamps)
     };
     let dark: Vec<Gaussian> = room().iter().collect();

@@ -5,12 +5,11 @@
 mod rig;
 
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_lamps::{Evidence, Found, Kinds, find};
+use eagpt_lamps::{Found, Kinds};
 use eagpt_scene::lamps::LampShape;
 use eagpt_scene::{Gaussian, Gaussians, rotation};
-use eagpt_trace::Device;
 use glam::Vec3;
-use rig::{RADIANCE, cameras, patch, photograph, room};
+use rig::{RADIANCE, cameras, find_in, patch, photograph, room};
 
 fn facing(centre: Vec3, normal: Vec3, size: [f32; 2]) -> Shape {
     Shape::Rectangle(Flat {
@@ -23,21 +22,12 @@ fn facing(centre: Vec3, normal: Vec3, size: [f32; 2]) -> Shape {
 /// Lamps of a scene whose photographs show `lamp` behind `bars`; those from `num_lit` on have it
 /// off.
 fn found(lamp: &Shape, bars: &[Shape], num_lit: usize, scene: &Gaussians) -> Found {
-    let tracer = Device::Cpu.scene(scene).unwrap();
-    let mut evidence = Evidence::default();
     let nothing = facing(Vec3::splat(90.0), Vec3::X, [0.01; 2]);
-    for (i, camera) in cameras().into_iter().enumerate() {
+    let photographs = cameras().into_iter().enumerate().map(|(i, camera)| {
         let shown = if i < num_lit { lamp } else { &nothing };
-        let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph(i, camera, shown, bars), 0, &seen);
-    }
-    find(
-        (&evidence, Kinds::All),
-        (scene, &*tracer),
-        Vec3::Z,
-        &mut |_, _| (),
-    )
-    .unwrap()
+        photograph(i, camera, shown, bars)
+    });
+    find_in(scene, Kinds::All, photographs)
 }
 
 /// Checks the lamp that is found behind bars of this width, scene units.

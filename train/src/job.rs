@@ -12,6 +12,7 @@ mod initial;
 mod lamp_powers;
 mod lamps;
 mod lights;
+mod lit_pixels;
 mod memory;
 mod mirrors;
 mod preview;

@@ -90,6 +90,13 @@ impl SeenPoints {
     }
 }
 
+/// The coordinates of places, and a tree that finds the nearest ones.
+fn tree(places: &[Vec3]) -> (Vec<[f32; 3]>, ImmutableKdTree<f32, 3>) {
+    let coordinates: Vec<[f32; 3]> = places.iter().map(Vec3::to_array).collect();
+    let tree = ImmutableKdTree::new_from_slice(&coordinates);
+    (coordinates, tree)
+}
+
 /// The normal map of `view`, or else the normals of the points that it sees, and zero elsewhere.
 pub(crate) fn normal_map<'a>(
     points: Option<&[PixelPoint]>,
@@ -110,8 +117,7 @@ impl Discs {
     /// Discs at the points of `cloud`; with the planes that they lie in, or without.
     pub(crate) fn new(cloud: &PointCloud, with_planes: bool) -> Self {
         let positions = &cloud.positions;
-        let coordinates: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
-        let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&coordinates);
+        let (coordinates, tree) = tree(positions);
         // The first neighbour is the point itself.
         let wanted = if with_planes {
             MOST_NEIGHBOURS
@@ -141,8 +147,7 @@ impl Discs {
 
     /// Tells of places whether they lie at a point.
     pub(crate) fn near_points(&self) -> impl Fn(Vec3) -> bool + '_ {
-        let coordinates: Vec<[f32; 3]> = self.positions.iter().map(Vec3::to_array).collect();
-        let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&coordinates);
+        let (_, tree) = tree(&self.positions);
         let wanted = NonZeroUsize::new(NEIGHBOURS + 1).expect("positive constants");
         move |place| {
             let near = tree.nearest_n::<SquaredEuclidean>(&place.to_array(), wanted);

@@ -3,9 +3,11 @@
 #![allow(dead_code, reason = "tests take what they need of it")]
 
 use eagpt_lamps::shape::Shape;
+use eagpt_lamps::{Evidence, Found, Kinds, find};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::rotation;
 use eagpt_scene::{Camera, Gaussian, Gaussians, Gloss, Harmonics, Image, View};
+use eagpt_trace::Device;
 use glam::{DVec3, Mat3, Quat, Vec2, Vec3};
 
 /// Rays along each axis of a pixel of a photograph.
@@ -40,6 +42,26 @@ pub(crate) fn cameras() -> Vec<Camera> {
             Camera::centred([120, 80], 1.3, pose)
         })
         .collect()
+}
+
+/// What `photographs` show of lamps of these kinds in `scene`.
+pub(crate) fn find_in(
+    scene: &Gaussians,
+    kinds: Kinds,
+    photographs: impl Iterator<Item = View>,
+) -> Found {
+    let tracer = Device::Cpu.scene(scene).unwrap();
+    let mut evidence = Evidence::default();
+    for view in photographs {
+        evidence.add(&view, 0, &tracer.gbuffer(&view.camera).unwrap());
+    }
+    find(
+        (&evidence, kinds),
+        (scene, &*tracer),
+        Vec3::Z,
+        &mut |_, _| (),
+    )
+    .unwrap()
 }
 
 /// The room through `camera`, with a lamp that is behind what `hides` it.

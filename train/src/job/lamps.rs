@@ -1,9 +1,9 @@
 //! Emitters become clean lamps, once, towards the end of stage 0; between the stages, what these
 //! shine through emits with them.
 
-use super::bare_lamps::shown;
+use super::lit_pixels::lit_pixels;
 use super::run::Run;
-use crate::backend::{Backend, TrainingView};
+use crate::backend::Backend;
 use crate::bake::emits;
 use crate::error::Result;
 use crate::luminous::{luminous, reach};
@@ -30,14 +30,13 @@ impl Run<'_> {
         iteration: u32,
         num_mirrors: usize,
     ) -> Result<()> {
-        let bare = self.keep_bare(backend, views, num_mirrors)?;
+        let (bare, discs) = self.keep_bare(backend, views, num_mirrors)?;
+        // Whatever emits in any light is of a lamp.
         let scene = all_emitting(&backend.state()?.in_lights());
-        let own = backend.state()?.num_moving()..scene.len() - num_mirrors;
-        let own: Gaussians = own.map(|i| scene.get(i)).collect();
         let device = &self.request.device;
-        let own = (!own.is_empty()).then(|| device.scene(&own)).transpose()?;
+        let known = (!discs.is_empty()).then(|| device.scene(&discs));
         let tracer = device.scene(&scene)?;
-        let evidence = lit_pixels(&*tracer, views, own.as_deref())?;
+        let evidence = lit_pixels(&*tracer, views, known.transpose()?.as_deref())?;
         let found = self.find_lamps((&evidence, Kinds::All), (&scene, &*tracer), views)?;
         let lights = 0..views.num_lights();
         let mut num_lamps = found.lamps.lamps.len();
@@ -168,31 +167,6 @@ impl Run<'_> {
         }
         Ok(())
     }
-}
-
-/// The lit pixels of training views, and where the scene that `tracer` traces has them; without
-/// those that show what `known` traces, and those beside them.
-pub(super) fn lit_pixels(
-    tracer: &dyn Tracer,
-    views: &Views,
-    known: Option<&dyn Tracer>,
-) -> Result<Evidence> {
-    let mut evidence = Evidence::default();
-    for training in views.iter() {
-        let TrainingView { view, light, .. } = training?;
-        if view.emission.is_none() {
-            continue;
-        }
-        let seen = tracer.gbuffer(&view.camera)?;
-        match known {
-            Some(known) => {
-                let shown = shown(&known.gbuffer(&view.camera)?, &view.camera);
-                evidence.add(&view.without(&shown), light, &seen);
-            }
-            None => evidence.add(&view, light, &seen),
-        }
-    }
-    Ok(evidence)
 }
 
 /// The scene of a backend, and the number of its Gaussians that are not fixed, the first ones.
