@@ -89,13 +89,14 @@ pub(crate) fn remove_what_hides(
             weight[c.gaussian as usize] += c.weight;
         }
     }
-    let stay = edit.keep.iter_mut().filter(|keep| **keep);
+    let mut keep = edit.keep.clone();
+    let stay = keep.iter_mut().filter(|keep| **keep);
     for (at, keep) in stay.enumerate() {
         let is_of_lit = before[at] > SHARE_LIT * weight[at];
         let hides = is_of_lit || in_front(lamps, scene.positions[at]);
         *keep = !(before[at] > MAX_BEFORE && hides);
     }
-    edit.moved.retain(|(i, _)| edit.keep[*i as usize]);
+    edit.take_out(&keep);
     Ok(())
 }
 

@@ -8,6 +8,7 @@ mod finish;
 mod folder;
 mod gloss;
 mod glows;
+mod hidden_lamps;
 mod initial;
 mod lamp_powers;
 mod lamps;
@@ -21,7 +22,6 @@ mod run;
 mod stages;
 mod start;
 mod steps;
-mod unseen;
 mod watch;
 
 use crate::backend;

@@ -27,6 +27,7 @@ mod energy;
 mod error;
 mod gloss;
 mod glows;
+mod hidden_lamps;
 pub mod init;
 pub mod irradiance;
 pub mod job;

@@ -14,10 +14,9 @@ mod panels;
 mod reflected;
 mod view_factors;
 
-pub(crate) use panels::Panels;
-
 use crate::alike::{Compared, Expected, Fit};
 use crate::error::Result;
+use crate::hidden_lamps::HiddenLamps;
 use crate::segments::Segments;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
@@ -26,7 +25,7 @@ use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 use hull::{FLOOR, Hull};
-use panels::UnseenCell;
+use panels::{UnseenCell, panels};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Weight of light that is not expected of a cell. A third and three times of it change the light
@@ -50,7 +49,7 @@ pub(crate) fn find(
     received: &[(Receiver, Vec3)],
     (cameras, up): (&[Camera], Vec3),
     key: RandomKey,
-) -> Result<Option<(Panels, f64)>> {
+) -> Result<Option<(HiddenLamps, f64)>> {
     let places: Vec<Vec3> = received.iter().map(|((_, at), _)| at.position).collect();
     let Some(hull) = Hull::around(&places, up) else {
         return Ok(None);
@@ -114,7 +113,7 @@ pub(crate) fn find(
             emitted: x - reflected,
         }
     });
-    Ok(Some((Panels::new(&hull, found), share)))
+    Ok(Some((panels(&hull, found), share)))
 }
 
 #[cfg(test)]

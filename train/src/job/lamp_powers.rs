@@ -3,24 +3,16 @@
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
-use crate::lamp_powers::{bulbs, factors, is_measured};
+use crate::lamp_powers::{factors, is_measured};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_scene::lamps::{read_lamps, write_lamps};
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Lamp, LightGroups, SceneEdit, SceneError};
+use eagpt_scene::{LightGroups, SceneError};
 use glam::Vec3;
-use std::path::PathBuf;
 
 impl Run<'_> {
-    /// The list of the lamps, if light that views do not show is looked for: nothing is where no
-    /// lamps are listed, and in several lights, of which each would want its own.
-    pub(super) fn list_for_hidden_light(&self, views: &Views) -> Option<PathBuf> {
-        let is_asked_for = self.request.options.albedo.unseen_light && views.num_lights() == 1;
-        Some(self.folder.lamps(0)).filter(|list| is_asked_for && list.exists())
-    }
-
     /// Multiplies the light of lamps that send more than views see, in the scene and in the list;
     /// whether there are any. Light has to be gathered again then.
     pub(super) fn correct_lamps(
@@ -63,36 +55,6 @@ impl Run<'_> {
         write_lamps(&path, &lamps)?;
         let num = factors.iter().filter(|factor| **factor != 1.0).count();
         (self.progress)(TrainProgress::LampPowers { num, most });
-        Ok(true)
-    }
-    /// Puts bulbs into shades of which views show one opening, in the scene and in the list; whether
-    /// there are any. Light has to be gathered again then.
-    pub(super) fn place_bulbs(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
-        let request = self.request;
-        let Some(path) = self.list_for_hidden_light(views) else {
-            return Ok(false);
-        };
-        let mut lamps = read_lamps(&path)?;
-        let scene = backend.state()?.gaussians();
-        let key = RandomKey::new(request.options.seed, Purpose::Albedo, 6);
-        let received = backend.gathered(0);
-        let found = bulbs::find((&request.device, &scene), &lamps.lamps, &received, key)?;
-        if found.is_empty() {
-            return Ok(false);
-        }
-        let edit = SceneEdit {
-            fixed: found.iter().flat_map(|bulb| bulb.discs.iter()).collect(),
-            ..SceneEdit::nothing(scene.len())
-        };
-        backend.edit(&edit, &[])?;
-        (self.progress)(TrainProgress::Bulbs { num: found.len() });
-        for (bulb, number) in found.into_iter().zip(1..) {
-            lamps.lamps.push(Lamp {
-                name: format!("hidden-{number}"),
-                ..bulb.lamp
-            });
-        }
-        write_lamps(&path, &lamps)?;
         Ok(true)
     }
 }

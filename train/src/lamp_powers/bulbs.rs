@@ -10,6 +10,7 @@ use super::{Light, MOST_FACTOR, WEIGHT, direct, luminances, rows};
 use crate::alike::{Compared, Expected};
 use crate::bake::emits;
 use crate::error::Result;
+use crate::hidden_lamps::HiddenLamps;
 use eagpt_scene::color::luminance;
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::light_basis::NO_LIGHT;
@@ -31,11 +32,11 @@ const TELLING: f64 = 0.2;
 const LEAST_TELLING: usize = 30;
 
 /// A bulb.
-pub(crate) struct Bulb {
+struct Bulb {
     /// It as a lamp, without a name.
-    pub(crate) lamp: Lamp,
+    lamp: Lamp,
     /// Its discs.
-    pub(crate) discs: Gaussians,
+    discs: Gaussians,
 }
 
 impl Bulb {
@@ -83,7 +84,7 @@ pub(crate) fn find(
     lamps: &[Lamp],
     received: &[(Receiver, Vec3)],
     key: RandomKey,
-) -> Result<Vec<Bulb>> {
+) -> Result<HiddenLamps> {
     let openings: Vec<&Lamp> = lamps.iter().filter(|lamp| is_opening(lamp)).collect();
     let bulbs: Vec<Bulb> = openings
         .iter()
@@ -91,7 +92,7 @@ pub(crate) fn find(
         .collect();
     let num = bulbs.len();
     if num == 0 {
-        return Ok(Vec::new());
+        return Ok(HiddenLamps::default());
     }
     let compared = Compared::new(gaussians, received);
     // All that emits already is one more light.
@@ -141,9 +142,13 @@ pub(crate) fn find(
     let factors = light.fit(&compared, &expected.collect());
     let found = openings.into_iter().zip(factors);
     let there = found.filter(|(_, factor)| *factor >= LEAST_POWER);
-    Ok(there
+    let bulbs: Vec<Bulb> = there
         .map(|(lamp, factor)| Bulb::behind(lamp, factor))
-        .collect())
+        .collect();
+    Ok(HiddenLamps {
+        discs: bulbs.iter().flat_map(|bulb| bulb.discs.iter()).collect(),
+        lamps: bulbs.into_iter().map(|bulb| bulb.lamp).collect(),
+    })
 }
 
 /// Whether a lamp is flat and sends more than views see.
@@ -226,7 +231,7 @@ mod tests {
         }
         let scene = (&Device::Cpu, &gaussians);
         let found = find(scene, &[opening(factor)], &received, key(2)).unwrap();
-        found.iter().map(|bulb| bulb.lamp.power[0]).collect()
+        found.lamps.iter().map(|lamp| lamp.power[0]).collect()
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! Cells of the hull as Gaussians, and those that shine as lamps.
 
 use super::hull::{Cell, Hull};
+use crate::hidden_lamps::HiddenLamps;
 use eagpt_scene::lamps::Lamp;
-use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, LampShape};
+use eagpt_scene::{Gaussian, Gloss, Harmonics, LampShape};
 use glam::{Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::f32::consts::TAU;
@@ -29,34 +30,26 @@ pub(super) struct UnseenCell {
     pub(super) emitted: Vec3,
 }
 
-/// The cells in the scene.
-pub(crate) struct Panels {
-    /// Discs that reflect, and then those that shine.
-    pub(crate) discs: Gaussians,
-    /// The lamps, each of cells that shine and are neighbours on a face, which have no names yet.
-    pub(crate) lamps: Vec<Lamp>,
-}
-
-impl Panels {
-    pub(super) fn new(hull: &Hull, cells: impl Iterator<Item = UnseenCell>) -> Self {
-        let (mut discs, mut shining) = (Vec::new(), BTreeMap::new());
-        for unseen in cells {
-            let cell = hull.cell(unseen.number);
-            discs.push(Gaussian {
-                radiance: unseen.reflected,
-                albedo: unseen.albedo,
-                ..disc(hull, cell, SPREAD)
-            });
-            if unseen.emitted != Vec3::ZERO {
-                shining.insert(cell, unseen.emitted);
-            }
+/// The cells in the scene: discs that reflect, and then those that shine; and a lamp of each set of
+/// cells that shine and are neighbours on a face.
+pub(super) fn panels(hull: &Hull, cells: impl Iterator<Item = UnseenCell>) -> HiddenLamps {
+    let (mut discs, mut shining) = (Vec::new(), BTreeMap::new());
+    for unseen in cells {
+        let cell = hull.cell(unseen.number);
+        discs.push(Gaussian {
+            radiance: unseen.reflected,
+            albedo: unseen.albedo,
+            ..disc(hull, cell, SPREAD)
+        });
+        if unseen.emitted != Vec3::ZERO {
+            shining.insert(cell, unseen.emitted);
         }
-        let lights = shining.iter();
-        discs.extend(lights.flat_map(|(cell, emitted)| lights_of(hull, *cell, *emitted)));
-        Self {
-            discs: discs.into_iter().collect(),
-            lamps: lamps(hull, shining),
-        }
+    }
+    let lights = shining.iter();
+    discs.extend(lights.flat_map(|(cell, emitted)| lights_of(hull, *cell, *emitted)));
+    HiddenLamps {
+        discs: discs.into_iter().collect(),
+        lamps: lamps(hull, shining),
     }
 }
 

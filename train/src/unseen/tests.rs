@@ -32,7 +32,7 @@ fn key(number: u32) -> RandomKey {
 
 /// Light that is found where a patch of the ceiling's plane, of half edge 0.4 around `middle`, has
 /// `radiance`.
-fn found(middle: Vec3, radiance: f32) -> (Option<(Panels, f64)>, f64) {
+fn found(middle: Vec3, radiance: f32) -> (Option<(HiddenLamps, f64)>, f64) {
     let (mut gaussians, receivers, known) = open_room();
     let tracer = CpuScene::new(&gaussians);
     let patch = |place: Vec3| (place - middle).abs().max_element() < 0.4;
@@ -59,7 +59,7 @@ fn found(middle: Vec3, radiance: f32) -> (Option<(Panels, f64)>, f64) {
 }
 
 /// Radiance times area of all discs that shine, and its middle.
-fn power_and_middle(panels: &Panels) -> (f32, Vec3) {
+fn power_and_middle(panels: &HiddenLamps) -> (f32, Vec3) {
     let shining = || panels.discs.iter().filter(|disc| disc.emission > 0.5);
     let power = |disc: &eagpt_scene::Gaussian| {
         TAU * disc.opacity * disc.scale.element_product() * disc.radiance.x
