@@ -8,7 +8,7 @@
 
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, Lamps};
-use eagpt_scene::{Gaussian, Gaussians, LampShape};
+use eagpt_scene::{Gaussian, Gaussians};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, Ray, TraceError};
 use glam::Vec3;
@@ -116,13 +116,8 @@ impl Suspect {
 
 /// The lamps that are bare, and send their light to all sides.
 fn bare(lamps: &Lamps) -> impl Iterator<Item = &Lamp> {
-    lamps.lamps.iter().filter(|lamp| {
-        let is_round = matches!(
-            lamp.shape,
-            LampShape::Ball | LampShape::Tube | LampShape::Box
-        );
-        is_round && !lamp.one_sided && lamp.shade == 0.0
-    })
+    let lamps = lamps.lamps.iter();
+    lamps.filter(|lamp| lamp.shape.is_solid() && !lamp.one_sided && lamp.shade == 0.0)
 }
 
 /// Distance from a lamp within which what is beside it lies.
@@ -133,7 +128,7 @@ fn reach(lamp: &Lamp) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eagpt_scene::{Gloss, Harmonics};
+    use eagpt_scene::{Gloss, Harmonics, LampShape};
     use glam::{Quat, Vec2};
 
     /// A disc of this radiance and opacity at a place, which is turned towards −x.

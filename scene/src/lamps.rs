@@ -40,6 +40,11 @@ pub enum LampShape {
 }
 
 impl LampShape {
+    /// Whether it encloses a volume.
+    pub fn is_solid(self) -> bool {
+        matches!(self, Self::Ball | Self::Tube | Self::Box)
+    }
+
     /// Its name, as the file has it.
     pub fn name(self) -> &'static str {
         match self {

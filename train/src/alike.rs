@@ -10,6 +10,7 @@ pub(crate) use fit::{Expected, Fit, Row};
 use crate::irradiance::smooth::Smoothing;
 use crate::segments::Segments;
 use eagpt_scene::Gaussians;
+use eagpt_scene::median::median_of;
 use eagpt_trace::transport::matrix::Receiver;
 use fit::Equations;
 use glam::Vec3;
@@ -17,7 +18,8 @@ use std::collections::BTreeMap;
 
 /// Receivers that are compared, at most: differences between them are few.
 const MAX_RECEIVERS: usize = 16_384;
-/// Light of single receivers below this part of the mean is noise.
+/// Light of single receivers below this part of the median is noise. The mean would be that of the
+/// few beside lamps.
 const DARK: f32 = 0.02;
 /// Receivers of a surface of one material, at least.
 const LEAST_OF_SEGMENT: usize = 30;
@@ -38,8 +40,7 @@ impl Compared {
         let step = received.len().div_ceil(MAX_RECEIVERS).max(1);
         let radiance = |of: &(Receiver, Vec3)| gaussians.radiances[of.0.0 as usize];
         let least = |light: &dyn Fn(&(Receiver, Vec3)) -> Vec3| {
-            let sum: Vec3 = received.iter().map(light).sum();
-            DARK * sum.max_element() / received.len() as f32
+            DARK * median_of(received.iter().map(|of| light(of).max_element()))
         };
         let (sent, got) = (least(&radiance), least(&|of| of.1));
         let is_lit =
@@ -73,5 +74,29 @@ impl Compared {
             least: LEAST_OF_SEGMENT,
         };
         equations.fit()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_testkit::gaussians::{cube, material};
+    use testing::in_cube;
+
+    #[test]
+    fn receivers_beside_a_lamp_do_not_outshine_the_others() {
+        let gaussians: Gaussians =
+            (cube(1.0, 0.1, |_| material(Vec3::ONE, 0.0, Vec3::ONE)).into_iter()).collect();
+        let received: Vec<(Receiver, Vec3)> = (gaussians.iter().zip(0..))
+            .map(|(disc, i)| {
+                let beside = disc.position.distance(Vec3::X) < 0.2;
+                (
+                    in_cube(&disc, i),
+                    Vec3::splat(if beside { 1e5 } else { 1.0 }),
+                )
+            })
+            .collect();
+        let compared = Compared::new(&gaussians, &received);
+        assert_eq!(compared.receivers.len(), received.len());
     }
 }

@@ -45,10 +45,13 @@ const MOST_DEVIATION: f32 = 0.1;
 /// other.
 const NUM_ROUNDS: u32 = 3;
 
-/// Whether views from `eyes` saw all that a lamp sends: it is flat, and sends most where some of
-/// them are, as much as others say. An opening of a shade shows its bulb to views along its axis
-/// alone.
+/// Whether views from `eyes` saw all that a lamp sends: it is solid and shines to all sides, or is
+/// flat, and sends most where some of them are, as much as others say. An opening of a shade shows
+/// its bulb to views along its axis alone.
 pub(crate) fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
+    if lamp.shape.is_solid() && !lamp.one_sided {
+        return true;
+    }
     let normal = lamp.world_from_lamp() * Vec3::Z;
     let is_before = |eye: &Vec3| {
         let towards = (*eye - lamp.centre()).normalize_or_zero();

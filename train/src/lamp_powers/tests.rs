@@ -102,3 +102,18 @@ fn a_flat_lamp_that_views_from_before_agree_on_is_measured() {
     assert!(!is_measured(lamp(true, 0.2), before));
     assert!(!is_measured(lamp(false, 0.02), before));
 }
+
+#[test]
+fn a_solid_lamp_is_measured_from_anywhere() {
+    let lamp = |shape: LampShape, one_sided: bool| Lamp {
+        one_sided,
+        deviation: 0.02,
+        shape,
+        ..boxed("ball-1", [0.0; 3], [0.1; 3])
+    };
+    let eyes = || [Vec3::X, Vec3::Y, -Vec3::Z].into_iter();
+    assert!(is_measured(&lamp(LampShape::Ball, false), eyes()));
+    // Views saw one face of it.
+    assert!(!is_measured(&lamp(LampShape::Box, true), eyes()));
+    assert!(!is_measured(&lamp(LampShape::Other, false), eyes()));
+}
