@@ -57,10 +57,10 @@ impl Compared {
 
     /// The radiance of sources, of each the `expected`, that makes albedos of each of `segments`
     /// alike in a channel of colour, where receivers have these radiances and this known light, and
-    /// get of sources what `rows` say.
+    /// get of sources what `rows` say. If all `reflects`, albedos above 1 count as well.
     pub(crate) fn fit(
         &self,
-        segments: &Segments,
+        (segments, reflects): (&Segments, bool),
         rows: &[Row],
         [radiances, known]: [&[f64]; 2],
         expected: &BTreeMap<usize, Expected>,
@@ -72,6 +72,7 @@ impl Compared {
             expected,
             segments: &segments.of,
             least: LEAST_OF_SEGMENT,
+            reflects,
         };
         equations.fit()
     }

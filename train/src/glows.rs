@@ -27,8 +27,8 @@ const EXCESS: f32 = 1.5;
 /// Gaussians of a surface, at least.
 const LEAST: usize = 32;
 /// Beyond the edge of a surface the excess is less than this part of that within. Walls lit by
-/// hidden lamps: 0.46 and more; screens: 0.02 to 0.2.
-const MAX_BEYOND: f32 = 0.35;
+/// hidden lamps: 0.41 and more; screens: 0.02 to 0.2; a lantern of paper: 0.35 to 0.36.
+const MAX_BEYOND: f32 = 0.4;
 /// Share of its Gaussians that may be glossy, at most: steel shows lamps.
 const MAX_GLOSSY: f32 = 0.5;
 

@@ -41,6 +41,8 @@ const LEAST_SHARE: f64 = 0.01;
 const BEFORE: f32 = 0.7;
 const LEAST_BEFORE: usize = 3;
 const MOST_DEVIATION: f32 = 0.1;
+/// Albedo that surfaces have at most.
+const MOST_ALBEDO: f32 = 0.9;
 /// Rounds in which factors and surfaces of one material, which are told by albedo, follow each
 /// other.
 const NUM_ROUNDS: u32 = 3;
@@ -134,11 +136,18 @@ impl Light<'_> {
             let albedo = |(i, parts): (usize, &[Vec3])| {
                 let parts = parts.iter().zip(&factors).enumerate();
                 let more = parts.map(|(lamp, (part, f))| *part * (f - usual(lamp)));
-                compared.radiances[i] / (compared.known[i] + more.sum::<Vec3>())
+                let albedo = compared.radiances[i] / (compared.known[i] + more.sum::<Vec3>());
+                // Brighter than white is no material, but the one beside it in more light.
+                albedo / (albedo.max_element() / MOST_ALBEDO).max(1.0)
             };
             let albedos: Vec<Vec3> = self.direct.chunks(num).enumerate().map(albedo).collect();
             let segments = Segments::of_colors(&albedos, &compared.smoothing);
-            let fit = compared.fit(&segments, self.rows, [&radiances, self.known], expected);
+            let fit = compared.fit(
+                (&segments, true),
+                self.rows,
+                [&radiances, self.known],
+                expected,
+            );
             factors = (0..num).map(|lamp| fit.x[&lamp] as f32).collect();
         }
         factors

@@ -89,7 +89,7 @@ pub(crate) fn find(
         });
         let light = [channel(&compared.radiances), channel(&compared.known)];
         compared.fit(
-            &segments,
+            (&segments, false),
             &rows,
             light.each_ref().map(Vec::as_slice),
             &expected.collect(),

@@ -4,7 +4,8 @@
 //! the albedo r / (e + Σ mˢ xˢ). Its logarithm should be the same for all receivers of a surface of
 //! one material: x is the minimum of a robust sum of squares of differences from each surface's own
 //! mean, and of a weight on the light by which x differs from what is expected: light that is the
-//! same everywhere makes no difference. Gauss–Newton steps; in each the bounds are kept by
+//! same everywhere makes no difference. Where no albedo above 1 is allowed, what a logarithm has above
+//! 0 counts by itself as well. Gauss–Newton steps; in each the bounds are kept by
 //! coordinate descent (Franc, Hlaváč and Navara 2005).
 
 use nalgebra::{DMatrix, DVector};
@@ -51,6 +52,8 @@ pub(super) struct Equations<'a> {
     pub(super) segments: &'a [u32],
     /// Receivers of a surface that counts, at least.
     pub(super) least: usize,
+    /// Whether no surface reflects more than it gets; some may shine of themselves.
+    pub(super) reflects: bool,
 }
 
 /// Light of sources.
@@ -77,6 +80,17 @@ struct Problem {
     prior: Vec<f64>,
     /// Median of the known light.
     usual: f64,
+    reflects: bool,
+}
+
+/// What a receiver tells: its logarithm of albedo over the mean of its surface and, if that may not
+/// be, over 0; and the weight of each.
+#[derive(Debug, Clone, Copy, Default)]
+struct Residual {
+    off: f64,
+    weight: f64,
+    above: f64,
+    weight_above: f64,
 }
 
 impl Equations<'_> {
@@ -149,6 +163,7 @@ impl Equations<'_> {
             known,
             prior,
             usual,
+            reflects: self.reflects,
         };
         (problem, numbers.into_keys().collect())
     }
@@ -161,10 +176,9 @@ impl Problem {
         row.map(|(source, share)| share * x[*source]).sum()
     }
 
-    /// Of each receiver the logarithm of its albedo over the mean of its surface, and its weight;
-    /// and the loss.
-    fn residuals(&self, x: &DVector<f64>) -> (Vec<(f64, f64)>, f64) {
-        let mut all = vec![(0.0, 0.0); self.rows.len()];
+    /// What each receiver tells, and the loss.
+    fn residuals(&self, x: &DVector<f64>) -> (Vec<Residual>, f64) {
+        let mut all = vec![Residual::default(); self.rows.len()];
         let off = (x - &self.expected).abs();
         let mut loss: f64 = self
             .prior
@@ -175,7 +189,8 @@ impl Problem {
         for members in &self.members {
             let log = |&i: &usize| (self.radiances[i] / (self.known[i] + self.light(i, x))).ln();
             let logs: Vec<f64> = members.iter().map(log).collect();
-            let weight = |off: f64| 1.0 / (1.0 + (off / SCALE).powi(2)).sqrt();
+            let robust = |off: f64| (1.0 + (off / SCALE).powi(2)).sqrt();
+            let weight = |off: f64| 1.0 / robust(off);
             let mut mean = logs.iter().sum::<f64>() / logs.len() as f64;
             for _ in 0..MEAN_ROUNDS {
                 let weighted = logs.iter().map(|log| (weight(log - mean), log));
@@ -186,8 +201,14 @@ impl Problem {
             }
             for (&i, log) in members.iter().zip(&logs) {
                 let off = log - mean;
-                all[i] = (off, weight(off));
-                loss += SCALE * SCALE * ((1.0 + (off / SCALE).powi(2)).sqrt() - 1.0);
+                let above = if self.reflects { log.max(0.0) } else { 0.0 };
+                all[i] = Residual {
+                    off,
+                    weight: weight(off),
+                    above,
+                    weight_above: if above > 0.0 { weight(above) } else { 0.0 },
+                };
+                loss += SCALE * SCALE * (robust(off) + robust(above) - 2.0);
             }
         }
         (all, loss)
@@ -229,7 +250,7 @@ impl Problem {
     fn normal_equations(
         &self,
         x: &DVector<f64>,
-        residuals: &[(f64, f64)],
+        residuals: &[Residual],
     ) -> (DMatrix<f64>, DVector<f64>) {
         let num = x.len();
         let mut squares = DMatrix::zeros(num, num);
@@ -238,13 +259,14 @@ impl Problem {
             let mut sum = DVector::<f64>::zeros(num);
             let mut total = 0.0;
             for &i in members {
-                let (off, weight) = residuals[i];
+                let of = residuals[i];
                 let light = self.known[i] + self.light(i, x);
-                total += weight;
+                let weight = of.weight + of.weight_above;
+                total += of.weight;
                 for &(a, share_a) in &self.rows[i] {
                     let by_a = share_a / light;
-                    sum[a] += weight * by_a;
-                    slope[a] += weight * by_a * off;
+                    sum[a] += of.weight * by_a;
+                    slope[a] += by_a * (of.weight * of.off + of.weight_above * of.above);
                     for &(b, share_b) in &self.rows[i] {
                         squares[(a, b)] += weight * by_a * share_b / light;
                     }
