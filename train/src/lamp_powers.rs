@@ -63,6 +63,14 @@ pub(crate) fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool
     is_flat && lamp.deviation <= MOST_DEVIATION && eyes.filter(is_before).count() >= LEAST_BEFORE
 }
 
+/// Whether one of `lamps` is a bulb in this opening of a shade: the light is that lamp's, and none
+/// is hidden.
+pub(crate) fn shows_bulb(opening: &Lamp, lamps: &[Lamp]) -> bool {
+    let near = 0.5 * opening.size[0].max(opening.size[1]);
+    let mut others = lamps.iter().filter(|lamp| lamp.shape.is_solid());
+    others.any(|lamp| lamp.name != opening.name && opening.distance(lamp.centre()) <= near)
+}
+
 /// The factor, 1 or more, of the light of each of `lights`, in which what emits of `gaussians` is
 /// divided, `[lights]`: of those that are not `free` it is 1. `received` is the light that
 /// Gaussians get of all that is known.

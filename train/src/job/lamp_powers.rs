@@ -3,7 +3,7 @@
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
-use crate::lamp_powers::{factors, is_measured};
+use crate::lamp_powers::{factors, is_measured, shows_bulb};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_scene::lamps::{read_lamps, write_lamps};
@@ -31,7 +31,11 @@ impl Run<'_> {
         // Lamps without views have their power from what they light already.
         let is_free = |name: &String| {
             let lamp = lamps.named(name);
-            lamp.is_some_and(|lamp| !lamp.views.is_empty() && !is_measured(lamp, views.eyes(lamp)))
+            lamp.is_some_and(|lamp| {
+                let is_known =
+                    is_measured(lamp, views.eyes(lamp)) || shows_bulb(lamp, &lamps.lamps);
+                !lamp.views.is_empty() && !is_known
+            })
         };
         let free: Vec<bool> = lights.names.iter().map(is_free).collect();
         let tracer = request.device.scene(&scene)?;

@@ -117,3 +117,16 @@ fn a_solid_lamp_is_measured_from_anywhere() {
     assert!(!is_measured(&lamp(LampShape::Box, true), eyes()));
     assert!(!is_measured(&lamp(LampShape::Other, false), eyes()));
 }
+
+#[test]
+fn a_bulb_that_views_show_in_a_shade_is_not_hidden() {
+    let opening = boxed("panel-1", [0.0; 3], [0.4, 0.4, 0.0]);
+    let at = |shape: LampShape, z: f32| Lamp {
+        shape,
+        ..boxed("ball-1", [0.0, 0.0, z], [0.1; 3])
+    };
+    let shows = |lamp: Lamp| shows_bulb(&opening, &[opening.clone(), lamp]);
+    assert!(shows(at(LampShape::Ball, -0.1)));
+    assert!(!shows(at(LampShape::Ball, -0.5)));
+    assert!(!shows(at(LampShape::Panel, -0.1)));
+}

@@ -38,6 +38,7 @@ fn fitted_within(x: [f64; 3], noise: f64, expected: [Expected; 10]) -> Fit {
         expected: &(0..).zip(expected).collect(),
         segments: &segments,
         least: 30,
+        reflects: false,
     };
     equations.fit()
 }
@@ -108,6 +109,7 @@ fn without_surfaces_there_is_nothing() {
         expected: &[(0, free(0.5))].into(),
         segments: &[0],
         least: 2,
+        reflects: false,
     };
     let found = equations.fit();
     assert_eq!(
@@ -129,4 +131,23 @@ fn sources_keep_their_bounds() {
         assert!((all[&4] - found).abs() < 0.1, "{all:?}");
         assert!((3.0..=4.0).contains(&all[&4]));
     }
+}
+
+#[test]
+fn no_surface_reflects_more_than_it_gets() {
+    let found = |reflects: bool| {
+        let equations = Equations {
+            rows: &vec![vec![(0, 0.5)]; 40],
+            radiances: &[2.0; 40],
+            known: &[1.0; 40],
+            expected: &[(0, free(0.0))].into(),
+            segments: &[0; 40],
+            least: 30,
+            reflects,
+        };
+        equations.fit().x[&0]
+    };
+    // All are alike; a white surface needs twice the light that is known.
+    assert_eq!(found(false), 0.0);
+    assert!((found(true) - 2.0).abs() < 0.05, "{}", found(true));
 }
