@@ -4,9 +4,9 @@
 //! the albedo r / (e + Σ mˢ xˢ). Its logarithm should be the same for all receivers of a surface of
 //! one material: x is the minimum of a robust sum of squares of differences from each surface's own
 //! mean, and of a weight on the light by which x differs from what is expected: light that is the
-//! same everywhere makes no difference. Where no albedo above 1 is allowed, what a logarithm has above
-//! 0 counts by itself as well. Gauss–Newton steps; in each the bounds are kept by
-//! coordinate descent (Franc, Hlaváč and Navara 2005).
+//! same everywhere makes no difference. Where no albedo above 1 is allowed, what a logarithm has
+//! above 0 counts by itself as well. Gauss–Newton steps; in each the bounds are kept by coordinate
+//! descent (Franc, Hlaváč and Navara 2005).
 
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
