@@ -16,6 +16,8 @@ use fit::Equations;
 use glam::Vec3;
 use std::collections::BTreeMap;
 
+/// Albedo in a channel that surfaces have at most.
+pub(crate) const MAX_ALBEDO: f32 = 0.9;
 /// Receivers that are compared, at most: differences between them are few.
 const MAX_RECEIVERS: usize = 16_384;
 /// Light of single receivers below this part of the median is noise. The mean would be that of the

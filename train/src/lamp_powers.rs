@@ -8,7 +8,7 @@
 
 pub(crate) mod bulbs;
 
-use crate::alike::{Compared, Expected, Row};
+use crate::alike::{Compared, Expected, MAX_ALBEDO, Row};
 use crate::error::Result;
 use crate::irradiance::{self, NoisyLight};
 use crate::segments::Segments;
@@ -41,8 +41,6 @@ const LEAST_SHARE: f64 = 0.01;
 const BEFORE: f32 = 0.7;
 const LEAST_BEFORE: usize = 3;
 const MOST_DEVIATION: f32 = 0.1;
-/// Albedo that surfaces have at most.
-const MOST_ALBEDO: f32 = 0.9;
 /// Rounds in which factors and surfaces of one material, which are told by albedo, follow each
 /// other.
 const NUM_ROUNDS: u32 = 3;
@@ -146,7 +144,7 @@ impl Light<'_> {
                 let more = parts.map(|(lamp, (part, f))| *part * (f - usual(lamp)));
                 let albedo = compared.radiances[i] / (compared.known[i] + more.sum::<Vec3>());
                 // Brighter than white is no material, but the one beside it in more light.
-                albedo / (albedo.max_element() / MOST_ALBEDO).max(1.0)
+                albedo / (albedo.max_element() / MAX_ALBEDO).max(1.0)
             };
             let albedos: Vec<Vec3> = self.direct.chunks(num).enumerate().map(albedo).collect();
             let segments = Segments::of_colors(&albedos, &compared.smoothing);

@@ -44,7 +44,7 @@ pub(crate) fn cameras() -> Vec<Camera> {
         .collect()
 }
 
-/// What `photographs` show of lamps of these kinds in `scene`.
+/// Lamps of these kinds that `photographs` show in `scene`.
 pub(crate) fn find_in(
     scene: &Gaussians,
     kinds: Kinds,

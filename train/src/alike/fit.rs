@@ -83,8 +83,8 @@ struct Problem {
     reflects: bool,
 }
 
-/// What a receiver tells: its logarithm of albedo over the mean of its surface and, if that may not
-/// be, over 0; and the weight of each.
+/// Residuals of a receiver: its logarithm of albedo over the mean of its surface and, if that may
+/// not be, over 0; and the weight of each.
 #[derive(Debug, Clone, Copy, Default)]
 struct Residual {
     off: f64,
@@ -176,7 +176,7 @@ impl Problem {
         row.map(|(source, share)| share * x[*source]).sum()
     }
 
-    /// What each receiver tells, and the loss.
+    /// Residuals of each receiver, and the loss.
     fn residuals(&self, x: &DVector<f64>) -> (Vec<Residual>, f64) {
         let mut all = vec![Residual::default(); self.rows.len()];
         let off = (x - &self.expected).abs();

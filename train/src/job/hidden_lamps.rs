@@ -9,7 +9,7 @@ use crate::progress::TrainProgress;
 use crate::unseen;
 use crate::views::Views;
 use eagpt_scene::SceneEdit;
-use eagpt_scene::lamps::{read_lamps, write_lamps};
+use eagpt_scene::lamps::{Lamps, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,8 @@ impl Run<'_> {
         let Some((panels, share)) = found else {
             return Ok(false);
         };
-        add(backend, &list, ("unseen", panels))?;
+        let lamps = read_lamps(&list)?;
+        add(backend, scene.len(), (&list, lamps), ("unseen", panels))?;
         (self.progress)(TrainProgress::Unseen { share });
         Ok(true)
     }
@@ -62,21 +63,24 @@ impl Run<'_> {
         if num == 0 {
             return Ok(false);
         }
-        add(backend, &list, ("hidden", found))?;
+        add(backend, scene.len(), (&list, lamps), ("hidden", found))?;
         (self.progress)(TrainProgress::Bulbs { num });
         Ok(true)
     }
 }
 
-/// Adds lamps to the scene and, as `name-1` and so on, to the list.
-fn add(backend: &mut dyn Backend, list: &Path, (name, found): (&str, HiddenLamps)) -> Result<()> {
-    let num_gaussians = backend.state()?.gaussians().len();
+/// Adds lamps to the scene of `num_gaussians` and, as `name-1` and so on, to those listed.
+fn add(
+    backend: &mut dyn Backend,
+    num_gaussians: usize,
+    (list, mut lamps): (&Path, Lamps),
+    (name, found): (&str, HiddenLamps),
+) -> Result<()> {
     let edit = SceneEdit {
         fixed: found.discs,
         ..SceneEdit::nothing(num_gaussians)
     };
     backend.edit(&edit, &[])?;
-    let mut lamps = read_lamps(list)?;
     for (mut lamp, number) in found.lamps.into_iter().zip(1..) {
         lamp.name = format!("{name}-{number}");
         lamps.lamps.push(lamp);

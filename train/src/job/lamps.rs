@@ -54,6 +54,7 @@ impl Run<'_> {
         self.put_in(backend, (&found, num_lamps), views, iteration)
     }
 
+    /// Lamps of some kinds, by their lit pixels, in a scene; tells of its progress.
     pub(super) fn find_lamps(
         &mut self,
         evidence: (&Evidence, Kinds),
@@ -70,6 +71,7 @@ impl Run<'_> {
         )?)
     }
 
+    /// Puts lamps into the scene, in the light of each of the views' lights, and tells their number.
     pub(super) fn put_in(
         &mut self,
         backend: &mut dyn Backend,

@@ -2,7 +2,7 @@
 //! their face.
 
 use super::hull::{Hull, NUM_FACES};
-use crate::alike::Compared;
+use crate::alike::{Compared, MAX_ALBEDO};
 use crate::error::Result;
 use crate::irradiance;
 use eagpt_scene::rng::RandomKey;
@@ -18,8 +18,6 @@ const NUM_SAMPLES: u32 = 256;
 const NEAR_FACE: f32 = 0.1;
 const FACING: f32 = 0.9;
 const LEAST_OF_FACE: f32 = 0.005;
-/// Albedo of a channel that cells have, at most.
-const MAX_ALBEDO: f32 = 0.9;
 
 /// Irradiance over π of a cell, and the radiance that it is expected to reflect.
 pub(super) struct Lit {
