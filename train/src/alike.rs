@@ -5,8 +5,9 @@ mod fit;
 #[cfg(test)]
 pub(crate) mod testing;
 
-pub(crate) use fit::{Expected, Fit, Row};
+pub(crate) use fit::{Expected, Fit, Residual, Row};
 
+use crate::bake::emits;
 use crate::irradiance::smooth::Smoothing;
 use crate::segments::Segments;
 use eagpt_scene::Gaussians;
@@ -26,7 +27,7 @@ const DARK: f32 = 0.02;
 /// Receivers of a surface of one material, at least.
 const LEAST_OF_SEGMENT: usize = 30;
 
-/// Receivers that are compared, all of them lit.
+/// Receivers that are compared: they are lit, and do not shine themselves.
 pub(crate) struct Compared {
     pub(crate) receivers: Vec<Receiver>,
     /// Radiance, `[receivers]`.
@@ -39,6 +40,8 @@ pub(crate) struct Compared {
 impl Compared {
     /// Some of the receivers of `received`, the light that `gaussians` get of all that is known.
     pub(crate) fn new(gaussians: &Gaussians, received: &[(Receiver, Vec3)]) -> Self {
+        let reflects = |of: &&(Receiver, Vec3)| !emits(gaussians.emissions[of.0.0 as usize]);
+        let received: Vec<_> = received.iter().filter(reflects).collect();
         let step = received.len().div_ceil(MAX_RECEIVERS).max(1);
         let radiance = |of: &(Receiver, Vec3)| gaussians.radiances[of.0.0 as usize];
         let least = |light: &dyn Fn(&(Receiver, Vec3)) -> Vec3| {
@@ -47,7 +50,7 @@ impl Compared {
         let (sent, got) = (least(&radiance), least(&|of| of.1));
         let is_lit =
             |of: &&(Receiver, Vec3)| radiance(of).min_element() > sent && of.1.min_element() > got;
-        let some: Vec<_> = received.iter().step_by(step).filter(is_lit).collect();
+        let some: Vec<_> = received.into_iter().step_by(step).filter(is_lit).collect();
         let receivers: Vec<Receiver> = some.iter().map(|of| of.0).collect();
         Self {
             smoothing: Smoothing::new(&receivers),
@@ -77,6 +80,37 @@ impl Compared {
             reflects,
         };
         equations.fit()
+    }
+
+    /// What is left where receivers have these radiances and this light, none of which reflect more
+    /// than they get, `[receivers]`.
+    pub(crate) fn residuals(
+        &self,
+        segments: &Segments,
+        [radiances, light]: [&[f64]; 2],
+    ) -> Vec<Residual> {
+        let equations = Equations {
+            rows: &vec![Row::new(); radiances.len()],
+            radiances,
+            known: light,
+            expected: &BTreeMap::new(),
+            segments: &segments.of,
+            least: LEAST_OF_SEGMENT,
+            reflects: true,
+        };
+        equations.residuals()
+    }
+
+    /// Surfaces of one material where receivers get `more` light than is known, `[receivers]`: by
+    /// albedo, not by radiance, as beside a lamp that differs more than materials do.
+    pub(crate) fn segments(&self, more: &[Vec3]) -> Segments {
+        let albedo = |i: usize| {
+            let albedo = self.radiances[i] / (self.known[i] + more[i]);
+            // Brighter than white is no material, but the one beside it in more light.
+            albedo / (albedo.max_element() / MAX_ALBEDO).max(1.0)
+        };
+        let albedos: Vec<Vec3> = (0..self.radiances.len()).map(albedo).collect();
+        Segments::of_colors(&albedos, &self.smoothing)
     }
 }
 

@@ -9,4 +9,6 @@ pub(crate) struct HiddenLamps {
     pub(crate) discs: Gaussians,
     /// The lamps, which have no names yet.
     pub(crate) lamps: Vec<Lamp>,
+    /// Indices of Gaussians of the scene that make room for them.
+    pub(crate) in_the_way: Vec<usize>,
 }

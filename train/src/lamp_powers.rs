@@ -6,12 +6,9 @@
 //! that which makes their albedos alike, in all channels the same, as walls near lamps tell light
 //! better than colour. A lamp is never weaker than what views saw of it.
 
-pub(crate) mod bulbs;
-
-use crate::alike::{Compared, Expected, MAX_ALBEDO, Row};
+use crate::alike::{Compared, Expected, Row};
 use crate::error::Result;
 use crate::irradiance::{self, NoisyLight};
-use crate::segments::Segments;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Gaussians, Lamp, LampShape, LightGroups};
@@ -138,16 +135,12 @@ impl Light<'_> {
         let usual = |lamp: usize| expected[&lamp].radiance as f32;
         let mut factors: Vec<f32> = (0..num).map(usual).collect();
         for _ in 0..NUM_ROUNDS {
-            // Not by radiance: beside a lamp that differs more than materials do.
-            let albedo = |(i, parts): (usize, &[Vec3])| {
+            let more = self.direct.chunks(num).map(|parts| {
                 let parts = parts.iter().zip(&factors).enumerate();
                 let more = parts.map(|(lamp, (part, f))| *part * (f - usual(lamp)));
-                let albedo = compared.radiances[i] / (compared.known[i] + more.sum::<Vec3>());
-                // Brighter than white is no material, but the one beside it in more light.
-                albedo / (albedo.max_element() / MAX_ALBEDO).max(1.0)
-            };
-            let albedos: Vec<Vec3> = self.direct.chunks(num).enumerate().map(albedo).collect();
-            let segments = Segments::of_colors(&albedos, &compared.smoothing);
+                more.sum::<Vec3>()
+            });
+            let segments = compared.segments(&more.collect::<Vec<_>>());
             let fit = compared.fit(
                 (&segments, true),
                 self.rows,
@@ -160,14 +153,14 @@ impl Light<'_> {
     }
 }
 
-fn luminances(of: &[Vec3]) -> Vec<f64> {
+pub(crate) fn luminances(of: &[Vec3]) -> Vec<f64> {
     let luminances = of.iter().map(|v| luminance(v.to_array()));
     luminances.map(f64::from).collect()
 }
 
 /// The luminance of light that receivers get straight from each of `num` lamps, `[receivers, num]`,
 /// where it is no noise beside `all` that they get, `[receivers]`.
-fn rows(direct: &[Vec3], num: usize, all: &[f64]) -> Vec<Row> {
+pub(crate) fn rows(direct: &[Vec3], num: usize, all: &[f64]) -> Vec<Row> {
     let row = |(lamps, all): (&[Vec3], &f64)| -> Row {
         let parts = luminances(lamps).into_iter().enumerate();
         let parts = parts.filter(|(_, part)| *part > f64::from(LEAST_PART) * all);
@@ -178,7 +171,7 @@ fn rows(direct: &[Vec3], num: usize, all: &[f64]) -> Vec<Row> {
 
 /// Irradiance over π that compared receivers get straight from each of `lights`, smoothed,
 /// `[receivers, lights]`.
-fn direct(
+pub(crate) fn direct(
     (tracer, gaussians): (&dyn Tracer, &Gaussians),
     lights: &LightGroups,
     compared: &Compared,

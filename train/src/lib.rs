@@ -35,6 +35,7 @@ mod lamp_powers;
 pub mod light_fit;
 mod log;
 pub mod loss;
+mod luminaires;
 mod luminous;
 pub mod options;
 mod order;

@@ -9,7 +9,7 @@
 //! reflect. Cells that are seen are put into the scene as surfaces that reflect, and those that are
 //! brighter shine as well ([`panels`]).
 
-mod hull;
+pub(crate) mod hull;
 mod panels;
 mod reflected;
 mod view_factors;

@@ -86,11 +86,11 @@ struct Problem {
 /// Residuals of a receiver: its logarithm of albedo over the mean of its surface and, if that may
 /// not be, over 0; and the weight of each.
 #[derive(Debug, Clone, Copy, Default)]
-struct Residual {
-    off: f64,
-    weight: f64,
-    above: f64,
-    weight_above: f64,
+pub(crate) struct Residual {
+    pub(crate) off: f64,
+    pub(crate) weight: f64,
+    pub(crate) above: f64,
+    pub(crate) weight_above: f64,
 }
 
 impl Equations<'_> {
@@ -113,12 +113,30 @@ impl Equations<'_> {
         }
     }
 
-    fn problem(&self) -> (Problem, Vec<usize>) {
+    /// Residuals where all sources have the expected light, `[receivers]`; zeros where a receiver
+    /// is of no surface that counts.
+    pub(super) fn residuals(&self) -> Vec<Residual> {
+        let (problem, _) = self.problem();
+        let (residuals, _) = problem.residuals(&problem.expected);
+        let mut all = vec![Residual::default(); self.rows.len()];
+        for (i, residual) in self.members().values().flatten().zip(residuals) {
+            all[*i] = residual;
+        }
+        all
+    }
+
+    /// Receivers of each surface that counts.
+    fn members(&self) -> BTreeMap<u32, Vec<usize>> {
         let mut members: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         for (i, segment) in self.segments.iter().enumerate() {
             members.entry(*segment).or_default().push(i);
         }
         members.retain(|_, members| members.len() >= self.least);
+        members
+    }
+
+    fn problem(&self) -> (Problem, Vec<usize>) {
+        let members = self.members();
         let mut numbers = BTreeMap::new();
         let kept: Vec<usize> = members.values().flatten().copied().collect();
         for (source, _) in kept.iter().flat_map(|&i| &self.rows[i]) {

@@ -4,7 +4,7 @@ use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
 use crate::hidden_lamps::HiddenLamps;
-use crate::lamp_powers::bulbs;
+use crate::luminaires;
 use crate::progress::TrainProgress;
 use crate::unseen;
 use crate::views::Views;
@@ -47,22 +47,24 @@ impl Run<'_> {
         Ok(true)
     }
 
-    /// Puts bulbs into shades of which views show one opening, in the scene and in the list; whether
+    /// Puts bulbs into luminaires that no view looks into, in the scene and in the list; whether
     /// there are any. Light has to be gathered again then.
     pub(super) fn place_bulbs(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
         let request = self.request;
         let Some(list) = self.list_for_hidden_light(views) else {
             return Ok(false);
         };
-        let lamps = read_lamps(&list)?;
         let scene = backend.state()?.gaussians();
+        let cameras = views.cameras();
+        let looking = (cameras.as_slice(), views.up());
         let key = RandomKey::new(request.options.seed, Purpose::Albedo, 6);
         let received = backend.gathered(0);
-        let found = bulbs::find((&request.device, &scene), &lamps.lamps, &received, key)?;
+        let found = luminaires::find((&request.device, &scene), &received, looking, key)?;
         let num = found.lamps.len();
         if num == 0 {
             return Ok(false);
         }
+        let lamps = read_lamps(&list)?;
         add(backend, scene.len(), (&list, lamps), ("hidden", found))?;
         (self.progress)(TrainProgress::Bulbs { num });
         Ok(true)
@@ -76,10 +78,13 @@ fn add(
     (list, mut lamps): (&Path, Lamps),
     (name, found): (&str, HiddenLamps),
 ) -> Result<()> {
-    let edit = SceneEdit {
+    let mut edit = SceneEdit {
         fixed: found.discs,
         ..SceneEdit::nothing(num_gaussians)
     };
+    for i in found.in_the_way {
+        edit.keep[i] = false;
+    }
     backend.edit(&edit, &[])?;
     for (mut lamp, number) in found.lamps.into_iter().zip(1..) {
         lamp.name = format!("{name}-{number}");

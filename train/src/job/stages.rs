@@ -53,10 +53,10 @@ impl Run<'_> {
                 if self.light_unseen(backend, views)? && !self.gather(backend, views)? {
                     return Ok(false);
                 }
-                if self.correct_lamps(backend, views)? && !self.gather(backend, views)? {
+                if self.place_bulbs(backend, views)? && !self.gather(backend, views)? {
                     return Ok(false);
                 }
-                if self.place_bulbs(backend, views)? && !self.gather(backend, views)? {
+                if self.correct_lamps(backend, views)? && !self.gather(backend, views)? {
                     return Ok(false);
                 }
                 self.mark_glows(backend, views)?;

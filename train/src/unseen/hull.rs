@@ -20,11 +20,11 @@ pub(super) const NUM_FACES: u32 = 6;
 pub(super) const FLOOR: u32 = 4;
 
 /// The box, whose third axis is upright, and its cells, which are counted face by face.
-pub(super) struct Hull {
+pub(crate) struct Hull {
     /// World from the box's own axes.
-    pub(super) rotation: Quat,
-    pub(super) low: Vec3,
-    pub(super) high: Vec3,
+    pub(crate) rotation: Quat,
+    pub(crate) low: Vec3,
+    pub(crate) high: Vec3,
     /// Cells along each axis.
     pub(super) num: [u32; 3],
 }
@@ -41,7 +41,7 @@ pub(super) struct Cell {
 impl Hull {
     /// The box around surfaces at `places`, `up` being the unit vector upwards; `None` if there are
     /// none or they have no extent.
-    pub(super) fn around(places: &[Vec3], up: Vec3) -> Option<Self> {
+    pub(crate) fn around(places: &[Vec3], up: Vec3) -> Option<Self> {
         let rotation = Quat::from_rotation_arc(Vec3::Z, up);
         let to_local = Mat3::from_quat(rotation).transpose();
         let (mut low, mut high) = (Vec3::ZERO, Vec3::ZERO);

@@ -50,6 +50,7 @@ pub(super) fn panels(hull: &Hull, cells: impl Iterator<Item = UnseenCell>) -> Hi
     HiddenLamps {
         discs: discs.into_iter().collect(),
         lamps: lamps(hull, shining),
+        in_the_way: Vec::new(),
     }
 }
 

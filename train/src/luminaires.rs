@@ -1,0 +1,188 @@
+//! Luminaires that no view looks into: a floor lamp with an opaque shade, a bowl that lights the
+//! ceiling.
+//!
+//! Cameras see them from the side, and no mask shows their bulbs; what these light would have to
+//! reflect more than the rest of it. Bulbs are looked for at places that something near hides from
+//! all cameras ([`places`]): their light leaves upwards, downwards or both ways, in cones that end
+//! before the first camera, and is that which makes surfaces of one material alike ([`search`]).
+//! What they bring past the scene that is there says how strong they are.
+
+mod bulb;
+mod places;
+mod search;
+
+use crate::alike::{Compared, Expected};
+use crate::bake::emits;
+use crate::error::Result;
+use crate::hidden_lamps::HiddenLamps;
+use crate::lamp_powers::{direct, luminances, rows};
+use bulb::Bulb;
+use eagpt_scene::light_basis::NO_LIGHT;
+use eagpt_scene::median::median_of;
+use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Camera, Gaussians, LightGroups};
+use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::{Device, Tracer};
+use glam::Vec3;
+use search::{Found, Search};
+use std::collections::BTreeMap;
+
+/// Radiance of surfaces that tell of bulbs, in parts of the median, at least: what is darker tells
+/// more of its shadows.
+const DARK: f32 = 0.2;
+/// Intensity in one half, in that of the other, at least, for it to be open.
+const LEAST_OF_HALF: f64 = 0.25;
+/// Depth behind a surface up to which a disc is of it, in the reach of what hides a bulb.
+const SHALLOW: f32 = 0.05;
+/// Weight of light that no view shows.
+const WEIGHT: f64 = 1e-3;
+/// Rounds in which intensities and surfaces of one material follow each other.
+const NUM_ROUNDS: u32 = 3;
+
+/// The bulbs of the luminaires in the scene of `gaussians`; `received` is the light that these get
+/// of all that is known, and `up` the unit vector upwards.
+///
+/// # Errors
+/// If the device fails.
+pub(crate) fn find(
+    (device, gaussians): (&Device, &Gaussians),
+    received: &[(Receiver, Vec3)],
+    (cameras, up): (&[Camera], Vec3),
+    key: RandomKey,
+) -> Result<HiddenLamps> {
+    let brightness = |of: &(Receiver, Vec3)| gaussians.radiances[of.0.0 as usize].max_element();
+    let dark = DARK * median_of(received.iter().map(brightness));
+    let bright = received.iter().filter(|of| brightness(of) > dark);
+    let compared = Compared::new(gaussians, &bright.copied().collect::<Vec<_>>());
+    let tracer = device.scene(gaussians)?;
+    let surfaces = compared.receivers.iter().map(|(_, at)| at.position);
+    let surfaces: Vec<Vec3> = surfaces.collect();
+    let places = places::hidden(&*tracer, &surfaces, (cameras, up))?;
+    let reach = places.reach;
+    let search = Search {
+        tracer: &*tracer,
+        compared: &compared,
+        up,
+        reach,
+    };
+    let found = search.find(&places)?;
+    let unit = |found: &Found, intensity: Vec3| {
+        Bulb::new((found.position, open(found)), intensity, (up, reach))
+    };
+    let bulbs: Vec<Bulb> = found.iter().map(|of| unit(of, Vec3::ONE)).collect();
+    let in_the_way = in_the_way((&*tracer, gaussians), &found, (cameras, up), reach)?;
+    let is_free = |(i, disc)| (in_the_way.binary_search(&i).is_err()).then_some(disc);
+    let cleared: Gaussians = gaussians.iter().enumerate().filter_map(is_free).collect();
+    let intensities = intensities((device, &cleared), &bulbs, &compared, key)?;
+    let found = found.iter().zip(intensities);
+    let bulbs: Vec<Bulb> = found
+        .filter(|(_, intensity)| intensity.max_element() > 0.0)
+        .map(|(found, intensity)| unit(found, intensity))
+        .collect();
+    Ok(HiddenLamps {
+        discs: bulbs.iter().flat_map(|bulb| bulb.discs.iter()).collect(),
+        lamps: bulbs.into_iter().map(|bulb| bulb.lamp).collect(),
+        in_the_way,
+    })
+}
+
+/// The Gaussians, ascending, that no camera sees and that are where light leaves a luminaire.
+fn in_the_way(
+    (tracer, gaussians): (&dyn Tracer, &Gaussians),
+    found: &[Found],
+    (cameras, up): (&[Camera], Vec3),
+    reach: f32,
+) -> Result<Vec<usize>> {
+    let is_within = |place: &Vec3| {
+        found.iter().any(|of| {
+            let offset = *place - of.position;
+            let direction = offset.normalize_or_zero();
+            offset.length() < reach && places::is_open(direction.dot(up), open(of))
+        })
+    };
+    let within = (0..gaussians.len()).filter(|i| is_within(&gaussians.positions[*i]));
+    let within: Vec<usize> = within.collect();
+    let at: Vec<Vec3> = within.iter().map(|i| gaussians.positions[*i]).collect();
+    let seen = places::seen(tracer, &at, cameras, SHALLOW * reach)?;
+    let unseen = within.into_iter().zip(seen).filter(|(_, seen)| !seen);
+    Ok(unseen.map(|(i, _)| i).collect())
+}
+
+/// The cones in which light leaves.
+fn open(found: &Found) -> [usize; 2] {
+    let most = found.intensities[0].max(found.intensities[1]);
+    [0, 1].map(
+        |half| match found.intensities[half] >= LEAST_OF_HALF * most {
+            true => found.cones[half],
+            false => 0,
+        },
+    )
+}
+
+/// The radiant intensities of `bulbs`, which are those of intensity 1.
+fn intensities(
+    (device, gaussians): (&Device, &Gaussians),
+    bulbs: &[Bulb],
+    compared: &Compared,
+    key: RandomKey,
+) -> Result<Vec<Vec3>> {
+    let num = bulbs.len();
+    if num == 0 {
+        return Ok(Vec::new());
+    }
+    // All that emits already is one more light.
+    let rest = |emission: &f32| match emits(*emission) {
+        true => num as u32,
+        false => NO_LIGHT,
+    };
+    let mut of: Vec<u32> = gaussians.emissions.iter().map(rest).collect();
+    for (light, bulb) in (0..).zip(bulbs) {
+        let emissions = bulb.discs.emissions.iter();
+        of.extend(emissions.map(|emission| if emits(*emission) { light } else { NO_LIGHT }));
+    }
+    let names = vec![String::new(); num + 1];
+    let discs = bulbs.iter().flat_map(|bulb| bulb.discs.iter());
+    let scene: Gaussians = gaussians.iter().chain(discs).collect();
+    let tracer = device.scene(&scene)?;
+    let direct = direct(
+        (&*tracer, &scene),
+        &LightGroups { names, of },
+        compared,
+        key,
+    )?;
+    let direct: Vec<Vec3> = (direct.chunks(num + 1))
+        .flat_map(|parts| parts[..num].iter().copied())
+        .collect();
+    let rows = rows(&direct, num, &luminances(&compared.known));
+    let expected = Expected {
+        radiance: 0.0,
+        bounds: [0.0, f64::INFINITY],
+        weight: WEIGHT,
+    };
+    let expected: BTreeMap<usize, Expected> = (0..num).map(|bulb| (bulb, expected)).collect();
+    let mut found = vec![Vec3::ZERO; num];
+    for _ in 0..NUM_ROUNDS {
+        let more = direct.chunks(num).map(|parts| {
+            let parts = parts.iter().zip(&found);
+            parts
+                .map(|(part, intensity)| *part * *intensity)
+                .sum::<Vec3>()
+        });
+        let segments = compared.segments(&more.collect::<Vec<_>>());
+        for channel in 0..3 {
+            let of = |light: &[Vec3]| {
+                light
+                    .iter()
+                    .map(|v| f64::from(v[channel]))
+                    .collect::<Vec<_>>()
+            };
+            let light = [of(&compared.radiances), of(&compared.known)];
+            let light = light.each_ref().map(Vec::as_slice);
+            let fit = compared.fit((&segments, true), &rows, light, &expected);
+            for (bulb, intensity) in found.iter_mut().enumerate() {
+                intensity[channel] = fit.x[&bulb] as f32;
+            }
+        }
+    }
+    Ok(found)
+}

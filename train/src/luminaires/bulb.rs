@@ -1,0 +1,71 @@
+//! A bulb whose light leaves in cones.
+
+use super::places::is_open;
+use eagpt_scene::discs::{Material, Solid, Surface};
+use eagpt_scene::{Gaussian, Gaussians, Gloss};
+use eagpt_scene::{Lamp, LampShape};
+use glam::{Quat, Vec3};
+use std::f32::consts::PI;
+
+/// Radius of the ball around a bulb that is open where its light leaves, in the reach of what hides
+/// it, and of the bulb in that: cones end within one ring.
+const LINING: f32 = 0.12;
+const RADIUS: f32 = 0.15;
+/// Spacing of the discs of the ball in its radius, and how much larger a second one is: one alone
+/// lets some hundredths of the light through.
+const SPACING: f32 = 0.2;
+const SECOND: f32 = 1.2;
+
+/// A bulb.
+pub(super) struct Bulb {
+    /// It as a lamp, without a name.
+    pub(super) lamp: Lamp,
+    /// Its discs, and those that let its light leave in cones alone.
+    pub(super) discs: Gaussians,
+}
+
+impl Bulb {
+    /// One at a place of a total radiant `intensity`, that leaves in so many rings from above and
+    /// from below; `up` is the unit vector upwards, and `reach` that of what hides it.
+    pub(super) fn new(
+        (centre, cones): (Vec3, [usize; 2]),
+        intensity: Vec3,
+        (up, reach): (Vec3, f32),
+    ) -> Self {
+        let lining = LINING * reach;
+        let radius = RADIUS * lining;
+        let area = 4.0 * PI * radius * radius;
+        let radiance = intensity / (PI * radius * radius);
+        let bulb = black(Solid::Ball { centre, radius }, Some(radiance), None).discs();
+        let frame = (centre, Quat::IDENTITY, Vec3::splat(2.0 * radius));
+        let lamp = Lamp {
+            num_gaussians: bulb.len(),
+            ..Lamp::unmeasured(LampShape::Ball, frame, (area, radiance))
+        };
+        let closes = |disc: &Gaussian| {
+            let direction = (disc.position - centre).normalize_or_zero();
+            !is_open(direction.dot(up), cones)
+        };
+        let balls = [lining, SECOND * lining].map(|radius| {
+            black(Solid::Ball { centre, radius }, None, Some(SPACING * radius)).discs()
+        });
+        let lining = balls.iter().flat_map(Gaussians::iter).filter(closes);
+        Self {
+            lamp,
+            discs: bulb.iter().chain(lining).collect(),
+        }
+    }
+}
+
+/// A surface that reflects nothing.
+fn black(solid: Solid, radiance: Option<Vec3>, spacing: Option<f32>) -> Surface {
+    Surface {
+        solid,
+        material: Material {
+            albedo: Vec3::ZERO,
+            radiance,
+            gloss: Gloss::NONE,
+        },
+        spacing,
+    }
+}

@@ -1,0 +1,165 @@
+//! Places that cameras look towards and do not see, as something hides them that is near.
+
+use crate::error::Result;
+use crate::unseen::hull::Hull;
+use eagpt_scene::Camera;
+use eagpt_trace::{Ray, Tracer};
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Distance up to which something hides a bulb, in edges of a cube of the room's volume: a shade
+/// of 25 cm in a room of 70 m³.
+const REACH: f32 = 0.06;
+/// Distance of neighbouring places, in that.
+const SPACING: f32 = 0.4;
+/// Cameras that something near hides a place from, at least.
+const LEAST_HIDDEN: usize = 3;
+/// Rays that are traced together.
+const RAYS_AT_ONCE: usize = 1 << 18;
+/// Rings of directions about the upward one, from above to below, of 7.5° each.
+pub(super) const NUM_RINGS: usize = 24;
+/// Those of one half.
+pub(super) const HALF: usize = NUM_RINGS / 2;
+
+/// A place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    pub(super) position: Vec3,
+    /// Rings from the uppermost one on, and from the lowest one on, in which no camera is that
+    /// something near hides the place from: light may leave there. At most [`HALF`].
+    pub(super) open: [usize; 2],
+}
+
+/// All places.
+pub(super) struct Places {
+    pub(super) all: Vec<Place>,
+    /// Distance up to which something hides them, scene units.
+    pub(super) reach: f32,
+}
+
+/// The ring of a direction of this cosine to the upward one.
+pub(super) fn ring(cosine: f32) -> usize {
+    let angle = cosine.clamp(-1.0, 1.0).acos();
+    ((angle / PI * NUM_RINGS as f32) as usize).min(NUM_RINGS - 1)
+}
+
+/// The half in which a ring is, 0 above, and its number from the end of that.
+pub(super) fn side(ring: usize) -> (usize, usize) {
+    if ring < HALF {
+        (0, ring)
+    } else {
+        (1, NUM_RINGS - 1 - ring)
+    }
+}
+
+/// Whether a direction of this cosine to the upward one is in one of two cones, of so many rings
+/// from above and from below.
+pub(super) fn is_open(cosine: f32, cones: [usize; 2]) -> bool {
+    let (half, number) = side(ring(cosine));
+    number < cones[half]
+}
+
+/// What cameras tell of a place.
+#[derive(Debug, Clone, Copy, Default)]
+struct Looks {
+    is_seen: bool,
+    /// Cameras in each ring that something near hides it from.
+    hidden: [u16; NUM_RINGS],
+}
+
+/// The places within the box around `surfaces`, `up` being the unit vector upwards.
+///
+/// # Errors
+/// If the device fails.
+pub(super) fn hidden(
+    tracer: &dyn Tracer,
+    surfaces: &[Vec3],
+    (cameras, up): (&[Camera], Vec3),
+) -> Result<Places> {
+    let Some(hull) = Hull::around(surfaces, up) else {
+        return Ok(Places {
+            all: Vec::new(),
+            reach: 0.0,
+        });
+    };
+    let size = hull.high - hull.low;
+    let reach = REACH * size.element_product().cbrt();
+    let spacing = SPACING * reach;
+    let [across, along, upwards] = (size / spacing).ceil().to_array().map(|num| num as u32);
+    let places: Vec<Vec3> = (0..across * along * upwards)
+        .map(|i| {
+            let at = [i % across, i / across % along, i / across / along];
+            let at = Vec3::from_array(at.map(|k| k as f32 + 0.5));
+            hull.rotation * (hull.low + spacing * at)
+        })
+        .collect();
+    let looks = looks(tracer, &places, (cameras, up), [0.0, reach])?;
+    let place = |(looks, position): (Looks, Vec3)| {
+        let num: u16 = looks.hidden.iter().sum();
+        let free = |half: &[u16]| half.iter().take_while(|num| **num == 0).count();
+        let (above, below) = looks.hidden.split_at(HALF);
+        let below: Vec<u16> = below.iter().rev().copied().collect();
+        let is_hidden = !looks.is_seen && usize::from(num) >= LEAST_HIDDEN;
+        is_hidden.then(|| Place {
+            position,
+            open: [free(above), free(&below)],
+        })
+    };
+    Ok(Places {
+        all: looks.into_iter().zip(places).filter_map(place).collect(),
+        reach,
+    })
+}
+
+/// What `cameras` tell of `places`, which are seen where they are up to a distance behind a surface,
+/// and hidden by something near up to another; `up` is the unit vector upwards, `[places]`.
+///
+/// # Errors
+/// If the device fails.
+fn looks(
+    tracer: &dyn Tracer,
+    places: &[Vec3],
+    (cameras, up): (&[Camera], Vec3),
+    [shallow, near]: [f32; 2],
+) -> Result<Vec<Looks>> {
+    let mut looks = vec![Looks::default(); places.len()];
+    for camera in cameras {
+        let eye = camera.origin();
+        let is_open =
+            |i: &usize| !looks[*i].is_seen && camera.is_in_picture(camera.project(places[*i]));
+        let open: Vec<usize> = (0..places.len()).filter(is_open).collect();
+        for some in open.chunks(RAYS_AT_ONCE) {
+            let ray = |i: &usize| {
+                let towards = (places[*i] - eye).normalize_or_zero();
+                Ray::free(eye.to_array(), towards.to_array())
+            };
+            let met = tracer.trace_rays(&some.iter().map(ray).collect::<Vec<_>>())?;
+            for (i, met) in some.iter().zip(met) {
+                let distance = places[*i].distance(eye);
+                let looks = &mut looks[*i];
+                if met.alpha() < 0.5 || met.mean_distance() > distance - shallow {
+                    looks.is_seen = true;
+                } else if met.mean_distance() > distance - near {
+                    let cosine = (eye - places[*i]).normalize_or_zero().dot(up);
+                    looks.hidden[ring(cosine)] += 1;
+                }
+            }
+        }
+    }
+    Ok(looks)
+}
+
+/// Whether some of the `cameras` see `places`, or would if they were not up to a `depth` behind a
+/// surface, `[places]`.
+///
+/// # Errors
+/// If the device fails.
+pub(super) fn seen(
+    tracer: &dyn Tracer,
+    places: &[Vec3],
+    cameras: &[Camera],
+    depth: f32,
+) -> Result<Vec<bool>> {
+    let looks = looks(tracer, places, (cameras, Vec3::Z), [depth, depth])?;
+    Ok(looks.iter().map(|of| of.is_seen).collect())
+}
