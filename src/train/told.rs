@@ -88,9 +88,9 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
             if *num == 1 { " sends" } else { "s send" },
         )),
         TrainProgress::Bulbs { num } => reporter.note(&format!(
-            "{num} shade{} light beyond the opening that views show, of a bulb within: see \
-             \"hidden-*\" in the list of lamps",
-            if *num == 1 { " sends" } else { "s send" },
+            "{num} luminaire{} the room from where no view looks: see \"hidden-*\" in the list of \
+             lamps",
+            if *num == 1 { " lights" } else { "s light" },
         )),
         TrainProgress::Glows { num, num_shades } => {
             if *num > 0 {

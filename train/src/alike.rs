@@ -121,6 +121,20 @@ mod tests {
     use testing::in_cube;
 
     #[test]
+    fn what_shines_itself_tells_no_albedo() {
+        let emission = |p: Vec3| if p.z > 0.99 { 1.0 } else { 0.0 };
+        let discs = cube(1.0, 0.1, |p| material(Vec3::ONE, emission(p), Vec3::ONE));
+        let received: Vec<(Receiver, Vec3)> = (discs.iter().zip(0..))
+            .map(|(disc, i)| (in_cube(disc, i), Vec3::ONE))
+            .collect();
+        let gaussians: Gaussians = discs.into_iter().collect();
+        let compared = Compared::new(&gaussians, &received);
+        let num_shining = gaussians.emissions.iter().filter(|e| **e > 0.0).count();
+        assert!(num_shining > 0);
+        assert_eq!(compared.receivers.len(), received.len() - num_shining);
+    }
+
+    #[test]
     fn receivers_beside_a_lamp_do_not_outshine_the_others() {
         let gaussians: Gaussians =
             (cube(1.0, 0.1, |_| material(Vec3::ONE, 0.0, Vec3::ONE)).into_iter()).collect();

@@ -20,7 +20,7 @@ use bulb::Bulb;
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::median::median_of;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Camera, Gaussians, LightGroups};
+use eagpt_scene::{Camera, Gaussians, Lamp, LightGroups};
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::{Device, Tracer};
 use glam::Vec3;
@@ -46,7 +46,7 @@ const NUM_ROUNDS: u32 = 3;
 /// If the device fails.
 pub(crate) fn find(
     (device, gaussians): (&Device, &Gaussians),
-    received: &[(Receiver, Vec3)],
+    (lamps, received): (&[Lamp], &[(Receiver, Vec3)]),
     (cameras, up): (&[Camera], Vec3),
     key: RandomKey,
 ) -> Result<HiddenLamps> {
@@ -57,7 +57,7 @@ pub(crate) fn find(
     let tracer = device.scene(gaussians)?;
     let surfaces = compared.receivers.iter().map(|(_, at)| at.position);
     let surfaces: Vec<Vec3> = surfaces.collect();
-    let places = places::hidden(&*tracer, &surfaces, (cameras, up))?;
+    let places = places::hidden(&*tracer, (&surfaces, lamps), (cameras, up))?;
     let reach = places.reach;
     let search = Search {
         tracer: &*tracer,
@@ -186,3 +186,6 @@ fn intensities(
     }
     Ok(found)
 }
+
+#[cfg(test)]
+mod tests;

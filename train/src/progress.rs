@@ -113,9 +113,9 @@ pub enum TrainProgress {
         /// The largest factor of a lamp, above 1.
         most: f32,
     },
-    /// Bulbs are in shades of which views show one opening.
+    /// Luminaires that no view looks into have bulbs now.
     Bulbs {
-        /// Bulbs.
+        /// Luminaires.
         num: usize,
     },
     /// Surfaces that no mask shows emit, as they are brighter than they can reflect.

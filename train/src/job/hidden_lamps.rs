@@ -59,12 +59,13 @@ impl Run<'_> {
         let looking = (cameras.as_slice(), views.up());
         let key = RandomKey::new(request.options.seed, Purpose::Albedo, 6);
         let received = backend.gathered(0);
-        let found = luminaires::find((&request.device, &scene), &received, looking, key)?;
+        let lamps = read_lamps(&list)?;
+        let known = (lamps.lamps.as_slice(), received.as_slice());
+        let found = luminaires::find((&request.device, &scene), known, looking, key)?;
         let num = found.lamps.len();
         if num == 0 {
             return Ok(false);
         }
-        let lamps = read_lamps(&list)?;
         add(backend, scene.len(), (&list, lamps), ("hidden", found))?;
         (self.progress)(TrainProgress::Bulbs { num });
         Ok(true)

@@ -13,7 +13,7 @@ const LINING: f32 = 0.12;
 const RADIUS: f32 = 0.15;
 /// Spacing of the discs of the ball in its radius, and how much larger a second one is: one alone
 /// lets some hundredths of the light through.
-const SPACING: f32 = 0.2;
+const SPACING: f32 = 0.1;
 const SECOND: f32 = 1.2;
 
 /// A bulb.
@@ -42,9 +42,11 @@ impl Bulb {
             num_gaussians: bulb.len(),
             ..Lamp::unmeasured(LampShape::Ball, frame, (area, radiance))
         };
+        // Discs are as wide as a ring.
+        let left_out = cones.map(|num| if num > 0 { num + 1 } else { 0 });
         let closes = |disc: &Gaussian| {
             let direction = (disc.position - centre).normalize_or_zero();
-            !is_open(direction.dot(up), cones)
+            !is_open(direction.dot(up), left_out)
         };
         let balls = [lining, SECOND * lining].map(|radius| {
             black(Solid::Ball { centre, radius }, None, Some(SPACING * radius)).discs()

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::unseen::hull::Hull;
-use eagpt_scene::Camera;
+use eagpt_scene::{Camera, Lamp, LampShape};
 use eagpt_trace::{Ray, Tracer};
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -12,6 +12,8 @@ use std::f32::consts::PI;
 const REACH: f32 = 0.06;
 /// Distance of neighbouring places, in that.
 const SPACING: f32 = 0.4;
+/// Depths behind flat lamps, which may be openings of fixtures too narrow for these, in widths.
+const DEPTHS: [f32; 4] = [0.3, 0.6, 1.0, 1.5];
 /// Cameras that something near hides a place from, at least.
 const LEAST_HIDDEN: usize = 3;
 /// Rays that are traced together.
@@ -25,6 +27,8 @@ pub(super) const HALF: usize = NUM_RINGS / 2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
     pub(super) position: Vec3,
+    /// Whether it is behind a flat lamp, which may be the opening of its fixture.
+    pub(super) is_behind_lamp: bool,
     /// Rings from the uppermost one on, and from the lowest one on, in which no camera is that
     /// something near hides the place from: light may leave there. At most [`HALF`].
     pub(super) open: [usize; 2],
@@ -73,7 +77,7 @@ struct Looks {
 /// If the device fails.
 pub(super) fn hidden(
     tracer: &dyn Tracer,
-    surfaces: &[Vec3],
+    (surfaces, lamps): (&[Vec3], &[Lamp]),
     (cameras, up): (&[Camera], Vec3),
 ) -> Result<Places> {
     let Some(hull) = Hull::around(surfaces, up) else {
@@ -86,15 +90,23 @@ pub(super) fn hidden(
     let reach = REACH * size.element_product().cbrt();
     let spacing = SPACING * reach;
     let [across, along, upwards] = (size / spacing).ceil().to_array().map(|num| num as u32);
-    let places: Vec<Vec3> = (0..across * along * upwards)
-        .map(|i| {
-            let at = [i % across, i / across % along, i / across / along];
-            let at = Vec3::from_array(at.map(|k| k as f32 + 0.5));
-            hull.rotation * (hull.low + spacing * at)
-        })
-        .collect();
+    let num_grid = (across * along * upwards) as usize;
+    let grid = (0..across * along * upwards).map(|i| {
+        let at = [i % across, i / across % along, i / across / along];
+        let at = Vec3::from_array(at.map(|k| k as f32 + 0.5));
+        hull.rotation * (hull.low + spacing * at)
+    });
+    let openings = lamps
+        .iter()
+        .filter(|lamp| lamp.shape == LampShape::Panel && lamp.one_sided);
+    let behind = openings.flat_map(|lamp| {
+        let back = lamp.world_from_lamp() * -Vec3::Z;
+        let width = 0.5 * (lamp.size[0] + lamp.size[1]);
+        DEPTHS.map(|depth| lamp.centre() + depth * width * back)
+    });
+    let places: Vec<Vec3> = grid.chain(behind).collect();
     let looks = looks(tracer, &places, (cameras, up), [0.0, reach])?;
-    let place = |(looks, position): (Looks, Vec3)| {
+    let place = |(number, (looks, position)): (usize, (Looks, Vec3))| {
         let num: u16 = looks.hidden.iter().sum();
         let free = |half: &[u16]| half.iter().take_while(|num| **num == 0).count();
         let (above, below) = looks.hidden.split_at(HALF);
@@ -102,11 +114,14 @@ pub(super) fn hidden(
         let is_hidden = !looks.is_seen && usize::from(num) >= LEAST_HIDDEN;
         is_hidden.then(|| Place {
             position,
+            is_behind_lamp: number >= num_grid,
             open: [free(above), free(&below)],
         })
     };
     Ok(Places {
-        all: looks.into_iter().zip(places).filter_map(place).collect(),
+        all: (looks.into_iter().zip(places).enumerate())
+            .filter_map(place)
+            .collect(),
         reach,
     })
 }

@@ -1,0 +1,134 @@
+use super::*;
+use crate::alike::testing::in_cube;
+use crate::irradiance;
+use eagpt_scene::discs::{Material, Solid, Surface};
+use eagpt_scene::rng::Purpose;
+use eagpt_scene::{Gaussian, Gloss};
+use eagpt_testkit::gaussians::{cube, look_at, material};
+use eagpt_trace::transport::points::Points;
+use std::f32::consts::{PI, TAU};
+
+/// Mean albedo of the walls, and what textures differ from it by.
+const ALBEDO: f32 = 0.5;
+const TEXTURE: f32 = 0.2;
+/// Middle of a shade, its width and its height.
+const SHADE: (Vec3, [f32; 2]) = (Vec3::new(0.4, 0.1, 0.35), [0.12, 0.16]);
+/// The bulb in it.
+const RADIUS: f32 = 0.01;
+const RADIANCE: Vec3 = Vec3::new(3000.0, 2000.0, 1000.0);
+
+fn key(number: u32) -> RandomKey {
+    RandomKey::new(5, Purpose::Albedo, number)
+}
+
+/// A black surface that emits this radiance.
+fn surface(solid: Solid, radiance: Option<Vec3>) -> Gaussians {
+    let surface = Surface {
+        solid,
+        material: Material {
+            albedo: Vec3::ZERO,
+            radiance,
+            gloss: Gloss::NONE,
+        },
+        spacing: radiance.is_none().then_some(0.01),
+    };
+    surface.discs()
+}
+
+/// A white cube of half edge 1 in which a shade stands that is closed below and open above, and
+/// the number of discs of the cube.
+fn room() -> (Vec<Gaussian>, usize) {
+    let (centre, [width, height]) = SHADE;
+    let half = 0.5 * width;
+    let sides = [Vec3::X, Vec3::Y, -Vec3::X, -Vec3::Y].map(|out| {
+        let along = width * Vec3::new(-out.y, out.x, 0.0);
+        let edges = [along, height * Vec3::Z];
+        let centre = centre + half * out;
+        surface(Solid::Quad { centre, edges }, None)
+    });
+    let centre = centre - 0.5 * height * Vec3::Z;
+    let edges = [width * Vec3::X, width * Vec3::Y];
+    let base = surface(Solid::Quad { centre, edges }, None);
+    let mut discs = cube(1.0, 0.08, |_| material(Vec3::ZERO, 0.0, Vec3::ONE));
+    let num_walls = discs.len();
+    discs.extend(sides.iter().chain([&base]).flat_map(Gaussians::iter));
+    (discs, num_walls)
+}
+
+/// Cameras around the shade, at most a little higher.
+fn cameras() -> Vec<Camera> {
+    let (centre, _) = SHADE;
+    let camera = |k: u8| {
+        let (sin, cos) = (TAU * f32::from(k) / 12.0).sin_cos();
+        let height = 0.08 * f32::from(k % 3) - 0.1;
+        let eye = Vec3::new(0.8 * cos, 0.8 * sin, centre.z + height);
+        look_at(eye.as_dvec3(), centre.as_dvec3(), 96, 64)
+    };
+    (0..12).map(camera).collect()
+}
+
+/// Light that the walls get straight from what emits of `more` in the room, which has these other
+/// discs too.
+fn direct(room: &[Gaussian], num_walls: usize, more: &Gaussians) -> (Vec<Receiver>, Vec<Vec3>) {
+    let walls = room[..num_walls].iter().zip(0..);
+    let receivers: Vec<Receiver> = walls.map(|(disc, i)| in_cube(disc, i)).collect();
+    let lit: Gaussians = room.iter().copied().chain(more.iter()).collect();
+    let tracer = Device::Cpu.scene(&lit).unwrap();
+    let dark = vec![Vec3::ZERO; lit.len()];
+    let direct = irradiance::received(&*tracer, &receivers, &dark, (512, key(1))).unwrap();
+    (receivers, direct)
+}
+
+/// The luminaires of a room with a bulb in the shade, and its light, if it is `on`.
+fn found(on: bool) -> (HiddenLamps, Vec<Vec3>) {
+    let (discs, num_walls) = room();
+    let bulb = Solid::Ball {
+        centre: SHADE.0,
+        radius: RADIUS,
+    };
+    let radiance = if on { RADIANCE } else { Vec3::ZERO };
+    let (receivers, direct) = direct(&discs, num_walls, &surface(bulb, Some(radiance)));
+    let mut gaussians: Gaussians = discs.into_iter().collect();
+    let mut received = Vec::new();
+    for (receiver, direct) in receivers.into_iter().zip(&direct) {
+        let known = Vec3::splat(0.5 + 0.2 * receiver.1.position.y);
+        let [texture, ..] = Points::new(key(3), receiver.0).block(0, 0);
+        let albedo = ALBEDO + TEXTURE * (2.0 * texture - 1.0);
+        gaussians.radiances[receiver.0 as usize] = albedo * (known + *direct);
+        received.push((receiver, known));
+    }
+    let (cameras, scene) = (cameras(), (&Device::Cpu, &gaussians));
+    let found = find(scene, (&[], &received), (&cameras, Vec3::Z), key(2)).unwrap();
+    (found, direct)
+}
+
+#[test]
+fn what_an_uplighter_lights_tells_of_its_bulb() {
+    let (found, expected) = found(true);
+    let [lamp] = &found.lamps[..] else {
+        panic!("{} lamps", found.lamps.len())
+    };
+    let off = lamp.centre() - SHADE.0;
+    assert!(off.truncate().length() < 0.5 * SHADE.1[0], "{off}");
+    let (mut room, num_walls) = room();
+    for i in found.in_the_way.iter().rev() {
+        assert!(*i >= num_walls);
+        room.remove(*i);
+    }
+    let (_, light) = direct(&room, num_walls, &found.discs);
+    for channel in 0..3 {
+        let sum = |of: &[Vec3]| of.iter().map(|light| light[channel]).sum::<f32>();
+        let ratio = sum(&light) / sum(&expected);
+        // Cones end at rings of 7.5°, and the weight on light takes some.
+        assert!((ratio - 1.0).abs() < 0.15, "{ratio}");
+    }
+    // It sends as much upwards as the bulb, by a cone that is wider or narrower by a ring.
+    let power = 4.0 * PI * PI * RADIUS * RADIUS * RADIANCE;
+    let ratio = Vec3::from(lamp.power) / power;
+    assert!((ratio - 1.0).abs().max_element() < 0.35, "{ratio}");
+}
+
+#[test]
+fn where_no_light_is_missing_is_no_luminaire() {
+    assert!(found(false).0.lamps.is_empty());
+}
