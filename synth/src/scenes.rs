@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 27] = [
+pub const SCENES: [EmbeddedScene; 28] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -117,6 +117,11 @@ pub const SCENES: [EmbeddedScene; 27] = [
         name: "bistro",
         about: "twelve downlights, a window with sky and street, domes, candles; most alone, too",
         toml: include_str!("../scenes/bistro.toml"),
+    },
+    EmbeddedScene {
+        name: "study",
+        about: "a window, and shades and a bowl that no view looks into; each alone, too",
+        toml: include_str!("../scenes/study.toml"),
     },
     EmbeddedScene {
         name: "nursery",
