@@ -82,8 +82,8 @@ impl Compared {
         equations.fit()
     }
 
-    /// What is left where receivers have these radiances and this light, none of which reflect more
-    /// than they get, `[receivers]`.
+    /// Residuals where receivers have these radiances and this light, and none may reflect more than
+    /// it gets, `[receivers]`.
     pub(crate) fn residuals(
         &self,
         segments: &Segments,
@@ -99,6 +99,11 @@ impl Compared {
             reflects: true,
         };
         equations.residuals()
+    }
+
+    /// Radiances and known light in a channel, each `[receivers]`.
+    pub(crate) fn channel(&self, channel: usize) -> [Vec<f64>; 2] {
+        [&self.radiances, &self.known].map(|of| of.iter().map(|v| f64::from(v[channel])).collect())
     }
 
     /// Surfaces of one material where receivers get `more` light than is known, `[receivers]`: by

@@ -5,7 +5,7 @@
 //! reflect more than the rest of it. Bulbs are looked for at places that something near hides from
 //! all cameras ([`places`]): their light leaves upwards, downwards or both ways, in cones that end
 //! before the first camera, and is that which makes surfaces of one material alike ([`search`]).
-//! What they bring past the scene that is there says how strong they are.
+//! The light that they bring past the scene that is there says how strong they are.
 
 mod bulb;
 mod places;
@@ -20,7 +20,7 @@ use bulb::Bulb;
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::median::median_of;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Camera, Gaussians, Lamp, LightGroups};
+use eagpt_scene::{Camera, Gaussians, Lamp, LightGroups, SceneEdit};
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::{Device, Tracer};
 use glam::Vec3;
@@ -62,37 +62,40 @@ pub(crate) fn find(
     let search = Search {
         tracer: &*tracer,
         compared: &compared,
+        places: &places,
         up,
-        reach,
     };
-    let found = search.find(&places)?;
-    let unit = |found: &Found, intensity: Vec3| {
+    let found = search.find()?;
+    let bulb = |found: &Found, intensity: Vec3| {
         Bulb::new((found.position, open(found)), intensity, (up, reach))
     };
-    let bulbs: Vec<Bulb> = found.iter().map(|of| unit(of, Vec3::ONE)).collect();
-    let in_the_way = in_the_way((&*tracer, gaussians), &found, (cameras, up), reach)?;
-    let is_free = |(i, disc)| (in_the_way.binary_search(&i).is_err()).then_some(disc);
-    let cleared: Gaussians = gaussians.iter().enumerate().filter_map(is_free).collect();
+    let bulbs: Vec<Bulb> = found.iter().map(|of| bulb(of, Vec3::ONE)).collect();
+    let mut edit = SceneEdit::nothing(gaussians.len());
+    let scene = (&*tracer, gaussians);
+    for i in in_the_way(scene, &found, (cameras, up), reach)? {
+        edit.keep[i] = false;
+    }
+    let cleared = edit.applied(gaussians);
     let intensities = intensities((device, &cleared), &bulbs, &compared, key)?;
     let found = found.iter().zip(intensities);
     let bulbs: Vec<Bulb> = found
         .filter(|(_, intensity)| intensity.max_element() > 0.0)
-        .map(|(found, intensity)| unit(found, intensity))
+        .map(|(found, intensity)| bulb(found, intensity))
         .collect();
+    edit.fixed = bulbs.iter().flat_map(|bulb| bulb.discs.iter()).collect();
     Ok(HiddenLamps {
-        discs: bulbs.iter().flat_map(|bulb| bulb.discs.iter()).collect(),
+        edit,
         lamps: bulbs.into_iter().map(|bulb| bulb.lamp).collect(),
-        in_the_way,
     })
 }
 
-/// The Gaussians, ascending, that no camera sees and that are where light leaves a luminaire.
+/// The Gaussians that no camera sees and that are where light leaves a luminaire.
 fn in_the_way(
     (tracer, gaussians): (&dyn Tracer, &Gaussians),
     found: &[Found],
     (cameras, up): (&[Camera], Vec3),
     reach: f32,
-) -> Result<Vec<usize>> {
+) -> Result<impl Iterator<Item = usize>> {
     let is_within = |place: &Vec3| {
         found.iter().any(|of| {
             let offset = *place - of.position;
@@ -105,7 +108,7 @@ fn in_the_way(
     let at: Vec<Vec3> = within.iter().map(|i| gaussians.positions[*i]).collect();
     let seen = places::seen(tracer, &at, cameras, SHALLOW * reach)?;
     let unseen = within.into_iter().zip(seen).filter(|(_, seen)| !seen);
-    Ok(unseen.map(|(i, _)| i).collect())
+    Ok(unseen.map(|(i, _)| i))
 }
 
 /// The cones in which light leaves.
@@ -170,13 +173,7 @@ fn intensities(
         });
         let segments = compared.segments(&more.collect::<Vec<_>>());
         for channel in 0..3 {
-            let of = |light: &[Vec3]| {
-                light
-                    .iter()
-                    .map(|v| f64::from(v[channel]))
-                    .collect::<Vec<_>>()
-            };
-            let light = [of(&compared.radiances), of(&compared.known)];
+            let light = compared.channel(channel);
             let light = light.each_ref().map(Vec::as_slice);
             let fit = compared.fit((&segments, true), &rows, light, &expected);
             for (bulb, intensity) in found.iter_mut().enumerate() {

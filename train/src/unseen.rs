@@ -72,7 +72,6 @@ pub(crate) fn find(
     let may_shine: BTreeSet<usize> = seen.iter().filter_map(may_shine).collect();
     let segments = Segments::of_colors(&compared.radiances, &compared.smoothing);
     let fits = [0, 1, 2].map(|c| {
-        let channel = |of: &[Vec3]| of.iter().map(|v| f64::from(v[c])).collect::<Vec<_>>();
         let expected = lit.iter().map(|(cell, lit)| {
             let radiance = f64::from(lit.reflected[c]);
             let most = if may_shine.contains(cell) {
@@ -87,7 +86,7 @@ pub(crate) fn find(
             };
             (*cell, expected)
         });
-        let light = [channel(&compared.radiances), channel(&compared.known)];
+        let light = compared.channel(c);
         compared.fit(
             (&segments, false),
             &rows,
@@ -113,7 +112,7 @@ pub(crate) fn find(
             emitted: x - reflected,
         }
     });
-    Ok(Some((panels(&hull, found), share)))
+    Ok(Some((panels((&hull, gaussians.len()), found), share)))
 }
 
 #[cfg(test)]

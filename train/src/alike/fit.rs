@@ -96,7 +96,7 @@ pub(crate) struct Residual {
 impl Equations<'_> {
     /// The light of sources that explains the differences and is nearest to the expected.
     pub(super) fn fit(&self) -> Fit {
-        let (problem, sources) = self.problem();
+        let (problem, sources) = self.problem(&self.members());
         let (x, before, after) = problem.solve();
         let expected = self.expected.iter().map(|(at, of)| (*at, of.radiance));
         let mut all: BTreeMap<usize, f64> = expected.collect();
@@ -116,10 +116,11 @@ impl Equations<'_> {
     /// Residuals where all sources have the expected light, `[receivers]`; zeros where a receiver
     /// is of no surface that counts.
     pub(super) fn residuals(&self) -> Vec<Residual> {
-        let (problem, _) = self.problem();
+        let members = self.members();
+        let (problem, _) = self.problem(&members);
         let (residuals, _) = problem.residuals(&problem.expected);
         let mut all = vec![Residual::default(); self.rows.len()];
-        for (i, residual) in self.members().values().flatten().zip(residuals) {
+        for (i, residual) in members.values().flatten().zip(residuals) {
             all[*i] = residual;
         }
         all
@@ -135,8 +136,7 @@ impl Equations<'_> {
         members
     }
 
-    fn problem(&self) -> (Problem, Vec<usize>) {
-        let members = self.members();
+    fn problem(&self, members: &BTreeMap<u32, Vec<usize>>) -> (Problem, Vec<usize>) {
         let mut numbers = BTreeMap::new();
         let kept: Vec<usize> = members.values().flatten().copied().collect();
         for (source, _) in kept.iter().flat_map(|&i| &self.rows[i]) {

@@ -8,7 +8,6 @@ use crate::luminaires;
 use crate::progress::TrainProgress;
 use crate::unseen;
 use crate::views::Views;
-use eagpt_scene::SceneEdit;
 use eagpt_scene::lamps::{Lamps, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use std::path::{Path, PathBuf};
@@ -42,7 +41,7 @@ impl Run<'_> {
             return Ok(false);
         };
         let lamps = read_lamps(&list)?;
-        add(backend, scene.len(), (&list, lamps), ("unseen", panels))?;
+        add(backend, (&list, lamps), ("unseen", panels))?;
         (self.progress)(TrainProgress::Unseen { share });
         Ok(true)
     }
@@ -66,27 +65,19 @@ impl Run<'_> {
         if num == 0 {
             return Ok(false);
         }
-        add(backend, scene.len(), (&list, lamps), ("hidden", found))?;
+        add(backend, (&list, lamps), ("hidden", found))?;
         (self.progress)(TrainProgress::Bulbs { num });
         Ok(true)
     }
 }
 
-/// Adds lamps to the scene of `num_gaussians` and, as `name-1` and so on, to those listed.
+/// Adds lamps to the scene and, as `name-1` and so on, to those listed.
 fn add(
     backend: &mut dyn Backend,
-    num_gaussians: usize,
     (list, mut lamps): (&Path, Lamps),
     (name, found): (&str, HiddenLamps),
 ) -> Result<()> {
-    let mut edit = SceneEdit {
-        fixed: found.discs,
-        ..SceneEdit::nothing(num_gaussians)
-    };
-    for i in found.in_the_way {
-        edit.keep[i] = false;
-    }
-    backend.edit(&edit, &[])?;
+    backend.edit(&found.edit, &[])?;
     for (mut lamp, number) in found.lamps.into_iter().zip(1..) {
         lamp.name = format!("{name}-{number}");
         lamps.lamps.push(lamp);

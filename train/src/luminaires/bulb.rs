@@ -60,7 +60,7 @@ impl Bulb {
 }
 
 /// A surface that reflects nothing.
-fn black(solid: Solid, radiance: Option<Vec3>, spacing: Option<f32>) -> Surface {
+pub(super) fn black(solid: Solid, radiance: Option<Vec3>, spacing: Option<f32>) -> Surface {
     Surface {
         solid,
         material: Material {

@@ -63,7 +63,7 @@ pub(super) fn is_open(cosine: f32, cones: [usize; 2]) -> bool {
     number < cones[half]
 }
 
-/// What cameras tell of a place.
+/// Views of a place.
 #[derive(Debug, Clone, Copy, Default)]
 struct Looks {
     is_seen: bool,
@@ -126,8 +126,8 @@ pub(super) fn hidden(
     })
 }
 
-/// What `cameras` tell of `places`, which are seen where they are up to a distance behind a surface,
-/// and hidden by something near up to another; `up` is the unit vector upwards, `[places]`.
+/// Views that `cameras` have of `places`, which are seen where they are up to a distance behind a
+/// surface, and hidden by something near up to another; `up` is the unit vector upwards, `[places]`.
 ///
 /// # Errors
 /// If the device fails.

@@ -1,7 +1,7 @@
 //! Bulbs at hidden places, one after the other: always the one whose light explains most.
 //!
-//! The light of a bulb at a place leaves in two cones, upwards and downwards. What it would explain
-//! is told from the slope and the curvature of the loss of [`Compared::fit`] at a receiver's known
+//! The light of a bulb at a place leaves in two cones, upwards and downwards. Its gain, the part of
+//! the loss that it would explain, is told from the slope and the curvature of the loss of [`Compared::fit`] at a receiver's known
 //! light (orthogonal matching pursuit: Pati, Rezaiifar and Krishnaprasad 1993), and for the best of
 //! all it is fitted, with all that were found before.
 
@@ -28,8 +28,9 @@ const GRAZING: f32 = 0.02;
 /// Weight of light that no view shows.
 const WEIGHT: f64 = 0.01;
 /// Part of the loss that a bulb explains, at least, and one behind a flat lamp, which is likelier.
-/// Measured in four rooms, two of them without such a luminaire: at places of none at most .020, and
-/// behind lamps .003; at those of three .050 to .091, and at those of three behind lamps .009 to .032.
+/// Measured in four rooms, two of them without such a luminaire: at places of none at most .020,
+/// and behind lamps .003; at those of three .050 to .091, and at those of three behind lamps .009
+/// to .032.
 const LEAST_EXPLAINED: f64 = 0.03;
 const LEAST_BEHIND_LAMP: f64 = 0.006;
 /// Bulbs, at most, and those that are tried in vain before the search ends.
@@ -37,7 +38,7 @@ const MOST: usize = 12;
 const MOST_REFUSED: usize = 6;
 /// Distance of a place from those that were tried, in the reach, at least.
 const APART: f32 = 1.0;
-/// What a place explains, in what the best explains, for it to be as good.
+/// Gain of a place, in that of the best, at least, for it to be as good.
 const AS_GOOD: f64 = 0.7;
 /// Albedo that surfaces have at least, and share of those lit by a bulb that may have less.
 const LEAST_ALBEDO: f64 = 0.05;
@@ -62,61 +63,104 @@ struct Lit {
     light: f32,
 }
 
-/// Compared receivers, in luminance.
+/// A search for bulbs at `places`, by the luminance of receivers.
 pub(super) struct Search<'a> {
     pub(super) tracer: &'a dyn Tracer,
     pub(super) compared: &'a Compared,
+    pub(super) places: &'a Places,
+    /// Unit vector upwards.
     pub(super) up: Vec3,
-    pub(super) reach: f32,
 }
 
-/// What is known of receivers.
+/// Light of receivers.
 struct State {
     radiances: Vec<f64>,
     known: Vec<f64>,
+    /// Median of that.
+    usual: f64,
     /// Light of bulbs that were found.
     more: Vec<f64>,
     /// It, of intensity 1, by twice the number of a place, and one more for the cone downwards.
     rows: Vec<Row>,
 }
 
+/// A bulb that explains enough.
+struct Next {
+    number: usize,
+    cones: [usize; 2],
+    /// Light of it and of those before, and their intensities.
+    rows: Vec<Row>,
+    fit: Fit,
+}
+
 impl Search<'_> {
-    /// The bulbs at some of the `places`.
+    /// The bulbs at some of the places.
     ///
     /// # Errors
     /// If the device fails.
-    pub(super) fn find(&self, places: &Places) -> Result<Vec<Found>> {
+    pub(super) fn find(&self) -> Result<Vec<Found>> {
         let num = self.compared.receivers.len();
         let step = num.div_ceil(NUM_COMPARED).max(1);
-        let mut lit = Vec::with_capacity(places.all.len());
-        for place in &places.all {
-            lit.push(self.lit(place, step)?);
-        }
+        let places = self.places.all.iter();
+        let lit: Vec<Vec<Lit>> = places
+            .map(|place| self.lit(place, step))
+            .collect::<Result<_>>()?;
+        let known = luminances(&self.compared.known);
+        let mut sorted = known.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
         let mut state = State {
             radiances: luminances(&self.compared.radiances),
-            known: luminances(&self.compared.known),
+            usual: sorted.get(num / 2).copied().unwrap_or(1.0),
+            known,
             more: vec![0.0; num],
             rows: vec![Row::new(); num],
         };
-        let (mut chosen, mut refused): (Vec<(usize, [usize; 2])>, Vec<Vec3>) = Default::default();
-        let mut fit = None;
-        while chosen.len() < MOST && refused.len() < MOST_REFUSED {
-            let segments = self.segments(&state);
-            let is_open = |number: &usize| {
-                let at = places.all[*number].position;
-                let found = chosen
-                    .iter()
-                    .map(|(number, _)| places.all[*number].position);
-                let mut done = refused.iter().copied().chain(found);
-                !done.any(|of| of.distance(at) < APART * self.reach)
-            };
-            let open = (0..places.all.len()).filter(is_open);
-            let Some((number, cones)) =
-                state.best((places, open), &lit, (self.compared, &segments), step)
-            else {
+        let (mut chosen, mut done, mut intensities) = (Vec::new(), Vec::new(), BTreeMap::new());
+        while chosen.len() < MOST {
+            let most = chosen.len() + MOST_REFUSED;
+            let Some(next) = self.next(&state, (&lit, step), (&mut done, most))? else {
                 break;
             };
-            let place = &places.all[number];
+            intensities = next.fit.x;
+            let light = |row: &Row| {
+                row.iter()
+                    .map(|(source, of)| of * intensities[source])
+                    .sum()
+            };
+            state.more = next.rows.iter().map(light).collect();
+            state.rows = next.rows;
+            chosen.push((next.number, next.cones));
+        }
+        let intensity = |source: usize| intensities.get(&source).copied().unwrap_or(0.0);
+        let found = chosen.into_iter().map(|(number, cones)| Found {
+            position: self.places.all[number].position,
+            cones,
+            intensities: [0, 1].map(|side| intensity(2 * number + side)),
+        });
+        Ok(found.collect())
+    }
+
+    /// The bulb that explains most, if one of the best does enough; those that were tried, which may
+    /// become so many, are `done`.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn next(
+        &self,
+        state: &State,
+        (lit, step): (&[Vec<Lit>], usize),
+        (done, most): (&mut Vec<Vec3>, usize),
+    ) -> Result<Option<Next>> {
+        let more: Vec<Vec3> = state.more.iter().map(|m| Vec3::splat(*m as f32)).collect();
+        let segments = self.compared.segments(&more);
+        let before = self.fit(state, &segments, &state.rows).explained;
+        let gains = state.gains(lit, (self.compared, &segments), step);
+        while done.len() < most {
+            let Some(&Gain { number, cones, .. }) = self.best(&gains, done) else {
+                break;
+            };
+            let place = &self.places.all[number];
+            done.push(place.position);
             let mut rows = state.rows.clone();
             for lit in self.lit(place, 1)? {
                 let (side, order) = side(lit.ring);
@@ -127,32 +171,47 @@ impl Search<'_> {
             for row in &mut rows {
                 row.sort_unstable_by_key(|(source, _)| *source);
             }
-            let before = self.fit(&state, &segments, &state.rows);
-            let after = self.fit(&state, &segments, &rows);
+            let fit = self.fit(state, &segments, &rows);
             let least = match place.is_behind_lamp {
                 true => LEAST_BEHIND_LAMP,
                 false => LEAST_EXPLAINED,
             };
-            if after.explained - before.explained < least {
-                refused.push(place.position);
-                continue;
+            if fit.explained - before >= least {
+                return Ok(Some(Next {
+                    number,
+                    cones,
+                    rows,
+                    fit,
+                }));
             }
-            let light = |row: &Row| row.iter().map(|(source, of)| of * after.x[source]).sum();
-            state.more = rows.iter().map(light).collect();
-            state.rows = rows;
-            chosen.push((number, cones));
-            fit = Some(after);
         }
-        let intensity = |source: usize| {
-            let x = fit.as_ref().and_then(|fit| fit.x.get(&source));
-            x.copied().unwrap_or(0.0)
+        Ok(None)
+    }
+
+    /// The place of most gain that is not near one that is `done`; of several that are about as good
+    /// the one in their middle, as a bulb is in a shade.
+    fn best<'g>(&self, gains: &'g [Gain], done: &[Vec3]) -> Option<&'g Gain> {
+        let (all, reach) = (&self.places.all, self.places.reach);
+        let position = |of: &Gain| all[of.number].position;
+        let is_open = |of: &&Gain| {
+            !done
+                .iter()
+                .any(|done| done.distance(position(of)) < APART * reach)
         };
-        let found = chosen.into_iter().map(|(number, cones)| Found {
-            position: places.all[number].position,
-            cones,
-            intensities: [0, 1].map(|side| intensity(2 * number + side)),
+        let open: Vec<&Gain> = gains.iter().filter(is_open).collect();
+        let best = open.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let is_as_good = |of: &&&Gain| {
+            of.gain >= AS_GOOD * best.gain && position(of).distance(position(best)) < reach
+        };
+        let as_good = || open.iter().filter(is_as_good);
+        let (sum, weight) = as_good().fold((Vec3::ZERO, 0.0), |sum, of| {
+            let weight = of.gain as f32;
+            (sum.0 + weight * position(of), sum.1 + weight)
         });
-        Ok(found.collect())
+        let middle = sum / weight;
+        let off = |of: &&&Gain| position(of).distance_squared(middle);
+        let nearest = as_good().min_by(|a, b| off(a).total_cmp(&off(b)))?;
+        (best.gain > 0.0).then_some(*nearest)
     }
 
     /// Every so many-th of the receivers, if a bulb at a place lights it.
@@ -168,12 +227,12 @@ impl Search<'_> {
             let cosine = direction.dot(surface.normal);
             let ring = ring(-direction.dot(self.up));
             let (side, order) = side(ring);
-            let is_far = distance > NEAR * self.reach;
+            let is_far = distance > NEAR * self.places.reach;
             if is_far && cosine > GRAZING && order < place.open[side] {
                 rays.push(surface.ray(direction));
                 let light = cosine / (PI * distance * distance);
                 lit.push((
-                    distance + MARGIN * self.reach,
+                    distance + MARGIN * self.places.reach,
                     Lit {
                         receiver,
                         ring,
@@ -188,11 +247,6 @@ impl Search<'_> {
         };
         let free = met.iter().zip(lit).filter(is_free);
         Ok(free.map(|(_, (_, lit))| lit).collect())
-    }
-
-    fn segments(&self, state: &State) -> Segments {
-        let more: Vec<Vec3> = state.more.iter().map(|m| Vec3::splat(*m as f32)).collect();
-        self.compared.segments(&more)
     }
 
     /// Intensities of the cones of `rows`.
@@ -223,15 +277,13 @@ impl Search<'_> {
 }
 
 impl State {
-    /// Of the places of these numbers, that whose cones explain most, and these: of several that are
-    /// about as good, the one in their middle, as a bulb is in a shade.
-    fn best(
+    /// The gain of each place, by every so many-th receiver.
+    fn gains(
         &self,
-        (places, open): (&Places, impl Iterator<Item = usize>),
         lit: &[Vec<Lit>],
         (compared, segments): (&Compared, &Segments),
         step: usize,
-    ) -> Option<(usize, [usize; 2])> {
+    ) -> Vec<Gain> {
         let both = self.known.iter().zip(&self.more);
         let light: Vec<f64> = both.map(|(known, more)| known + more).collect();
         let residuals = compared.residuals(segments, [&self.radiances, &light]);
@@ -239,45 +291,27 @@ impl State {
         for (i, of) in residuals.iter().enumerate().step_by(step) {
             weights[segments.of[i] as usize] += of.weight;
         }
-        let mut usual = self.known.clone();
-        usual.sort_unstable_by(f64::total_cmp);
         let loss = Loss {
             residuals: &residuals,
             light: &light,
             segments,
             weights: &weights,
-            usual: usual.get(usual.len() / 2).copied().unwrap_or(1.0),
+            usual: self.usual,
         };
-        let tried: Vec<Tried> = open
-            .map(|number| {
-                let (gains, cones): (Vec<f64>, Vec<usize>) =
-                    (0..2).map(|half| loss.cone(&lit[number], half)).unzip();
-                Tried {
-                    number,
-                    gain: gains[0] + gains[1],
-                    cones: [cones[0], cones[1]],
-                }
-            })
-            .collect();
-        let position = |of: &Tried| places.all[of.number].position;
-        let best = tried.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        let is_as_good = |of: &&Tried| {
-            of.gain >= AS_GOOD * best.gain && position(of).distance(position(best)) < places.reach
+        let gain = |(number, lit): (usize, &Vec<Lit>)| {
+            let [above, below] = [0, 1].map(|half| loss.cone(lit, half));
+            Gain {
+                number,
+                gain: above.0 + below.0,
+                cones: [above.1, below.1],
+            }
         };
-        let (sum, weight) = (tried.iter().filter(is_as_good)).fold((Vec3::ZERO, 0.0), |sum, of| {
-            let weight = of.gain as f32;
-            (sum.0 + weight * position(of), sum.1 + weight)
-        });
-        let middle = sum / weight;
-        let off = |of: &&Tried| position(of).distance_squared(middle);
-        let nearest = tried.iter().filter(is_as_good);
-        let nearest = nearest.min_by(|a, b| off(a).total_cmp(&off(b)))?;
-        (best.gain > 0.0).then_some((nearest.number, nearest.cones))
+        lit.iter().enumerate().map(gain).collect()
     }
 }
 
-/// What a bulb at a place would explain, by its best cones.
-struct Tried {
+/// Part of the loss that a bulb at a place would explain, by its best cones.
+struct Gain {
     number: usize,
     gain: f64,
     cones: [usize; 2],
@@ -295,7 +329,7 @@ struct Loss<'a> {
 }
 
 impl Loss<'_> {
-    /// What the best cone in one half explains, and its rings.
+    /// Gain of the best cone in one half, and its rings.
     fn cone(&self, lit: &[Lit], half: usize) -> (f64, usize) {
         let mut rings: [Vec<&Lit>; HALF] = Default::default();
         for of in lit {

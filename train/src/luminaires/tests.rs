@@ -1,9 +1,10 @@
 use super::*;
 use crate::alike::testing::in_cube;
 use crate::irradiance;
-use eagpt_scene::discs::{Material, Solid, Surface};
+use bulb::black;
+use eagpt_scene::Gaussian;
+use eagpt_scene::discs::Solid;
 use eagpt_scene::rng::Purpose;
-use eagpt_scene::{Gaussian, Gloss};
 use eagpt_testkit::gaussians::{cube, look_at, material};
 use eagpt_trace::transport::points::Points;
 use std::f32::consts::{PI, TAU};
@@ -21,18 +22,9 @@ fn key(number: u32) -> RandomKey {
     RandomKey::new(5, Purpose::Albedo, number)
 }
 
-/// A black surface that emits this radiance.
-fn surface(solid: Solid, radiance: Option<Vec3>) -> Gaussians {
-    let surface = Surface {
-        solid,
-        material: Material {
-            albedo: Vec3::ZERO,
-            radiance,
-            gloss: Gloss::NONE,
-        },
-        spacing: radiance.is_none().then_some(0.01),
-    };
-    surface.discs()
+/// A black flat surface.
+fn wall(centre: Vec3, edges: [Vec3; 2]) -> Gaussians {
+    black(Solid::Quad { centre, edges }, None, Some(0.01)).discs()
 }
 
 /// A white cube of half edge 1 in which a shade stands that is closed below and open above, and
@@ -42,13 +34,10 @@ fn room() -> (Vec<Gaussian>, usize) {
     let half = 0.5 * width;
     let sides = [Vec3::X, Vec3::Y, -Vec3::X, -Vec3::Y].map(|out| {
         let along = width * Vec3::new(-out.y, out.x, 0.0);
-        let edges = [along, height * Vec3::Z];
-        let centre = centre + half * out;
-        surface(Solid::Quad { centre, edges }, None)
+        wall(centre + half * out, [along, height * Vec3::Z])
     });
     let centre = centre - 0.5 * height * Vec3::Z;
-    let edges = [width * Vec3::X, width * Vec3::Y];
-    let base = surface(Solid::Quad { centre, edges }, None);
+    let base = wall(centre, [width * Vec3::X, width * Vec3::Y]);
     let mut discs = cube(1.0, 0.08, |_| material(Vec3::ZERO, 0.0, Vec3::ONE));
     let num_walls = discs.len();
     discs.extend(sides.iter().chain([&base]).flat_map(Gaussians::iter));
@@ -67,14 +56,12 @@ fn cameras() -> Vec<Camera> {
     (0..12).map(camera).collect()
 }
 
-/// Light that the walls get straight from what emits of `more` in the room, which has these other
-/// discs too.
-fn direct(room: &[Gaussian], num_walls: usize, more: &Gaussians) -> (Vec<Receiver>, Vec<Vec3>) {
-    let walls = room[..num_walls].iter().zip(0..);
-    let receivers: Vec<Receiver> = walls.map(|(disc, i)| in_cube(disc, i)).collect();
-    let lit: Gaussians = room.iter().copied().chain(more.iter()).collect();
-    let tracer = Device::Cpu.scene(&lit).unwrap();
-    let dark = vec![Vec3::ZERO; lit.len()];
+/// Light that the walls, the first discs of a scene, get straight from what emits of it.
+fn direct(scene: &Gaussians, num_walls: usize) -> (Vec<Receiver>, Vec<Vec3>) {
+    let walls = scene.iter().take(num_walls).zip(0..);
+    let receivers: Vec<Receiver> = walls.map(|(disc, i)| in_cube(&disc, i)).collect();
+    let tracer = Device::Cpu.scene(scene).unwrap();
+    let dark = vec![Vec3::ZERO; scene.len()];
     let direct = irradiance::received(&*tracer, &receivers, &dark, (512, key(1))).unwrap();
     (receivers, direct)
 }
@@ -87,8 +74,10 @@ fn found(on: bool) -> (HiddenLamps, Vec<Vec3>) {
         radius: RADIUS,
     };
     let radiance = if on { RADIANCE } else { Vec3::ZERO };
-    let (receivers, direct) = direct(&discs, num_walls, &surface(bulb, Some(radiance)));
     let mut gaussians: Gaussians = discs.into_iter().collect();
+    let bulb = black(bulb, Some(radiance), None).discs();
+    let lit = gaussians.iter().chain(bulb.iter()).collect();
+    let (receivers, direct) = direct(&lit, num_walls);
     let mut received = Vec::new();
     for (receiver, direct) in receivers.into_iter().zip(&direct) {
         let known = Vec3::splat(0.5 + 0.2 * receiver.1.position.y);
@@ -110,12 +99,10 @@ fn what_an_uplighter_lights_tells_of_its_bulb() {
     };
     let off = lamp.centre() - SHADE.0;
     assert!(off.truncate().length() < 0.5 * SHADE.1[0], "{off}");
-    let (mut room, num_walls) = room();
-    for i in found.in_the_way.iter().rev() {
-        assert!(*i >= num_walls);
-        room.remove(*i);
-    }
-    let (_, light) = direct(&room, num_walls, &found.discs);
+    let (room, num_walls) = room();
+    assert!(found.edit.keep[..num_walls].iter().all(|stays| *stays));
+    let lit = found.edit.applied(&room.into_iter().collect());
+    let (_, light) = direct(&lit, num_walls);
     for channel in 0..3 {
         let sum = |of: &[Vec3]| of.iter().map(|light| light[channel]).sum::<f32>();
         let ratio = sum(&light) / sum(&expected);

@@ -3,7 +3,7 @@
 use super::hull::{Cell, Hull};
 use crate::hidden_lamps::HiddenLamps;
 use eagpt_scene::lamps::Lamp;
-use eagpt_scene::{Gaussian, Gloss, Harmonics, LampShape};
+use eagpt_scene::{Gaussian, Gloss, Harmonics, LampShape, SceneEdit};
 use glam::{Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::f32::consts::TAU;
@@ -30,9 +30,12 @@ pub(super) struct UnseenCell {
     pub(super) emitted: Vec3,
 }
 
-/// The cells in the scene: discs that reflect, and then those that shine; and a lamp of each set of
+/// The cells in a scene of `num_gaussians`: discs that reflect, and then those that shine; and a lamp of each set of
 /// cells that shine and are neighbours on a face.
-pub(super) fn panels(hull: &Hull, cells: impl Iterator<Item = UnseenCell>) -> HiddenLamps {
+pub(super) fn panels(
+    (hull, num_gaussians): (&Hull, usize),
+    cells: impl Iterator<Item = UnseenCell>,
+) -> HiddenLamps {
     let (mut discs, mut shining) = (Vec::new(), BTreeMap::new());
     for unseen in cells {
         let cell = hull.cell(unseen.number);
@@ -48,9 +51,11 @@ pub(super) fn panels(hull: &Hull, cells: impl Iterator<Item = UnseenCell>) -> Hi
     let lights = shining.iter();
     discs.extend(lights.flat_map(|(cell, emitted)| lights_of(hull, *cell, *emitted)));
     HiddenLamps {
-        discs: discs.into_iter().collect(),
+        edit: SceneEdit {
+            fixed: discs.into_iter().collect(),
+            ..SceneEdit::nothing(num_gaussians)
+        },
         lamps: lamps(hull, shining),
-        in_the_way: Vec::new(),
     }
 }
 

@@ -60,7 +60,7 @@ fn found(middle: Vec3, radiance: f32) -> (Option<(HiddenLamps, f64)>, f64) {
 
 /// Radiance times area of all discs that shine, and its middle.
 fn power_and_middle(panels: &HiddenLamps) -> (f32, Vec3) {
-    let shining = || panels.discs.iter().filter(|disc| disc.emission > 0.5);
+    let shining = || panels.edit.fixed.iter().filter(|disc| disc.emission > 0.5);
     let power = |disc: &eagpt_scene::Gaussian| {
         TAU * disc.opacity * disc.scale.element_product() * disc.radiance.x
     };
@@ -80,7 +80,7 @@ fn light_through_a_hole_is_found_where_it_is() {
         let (power, at) = power_and_middle(&panels);
         // A cell is 0.34 wide.
         assert!(at.distance(middle) < 0.2, "{at}");
-        for disc in panels.discs.iter() {
+        for disc in panels.edit.fixed.iter() {
             assert!((disc.rotation * Vec3::Z).dot(-disc.position) > 0.0);
         }
         let flux: f32 = panels.lamps.iter().map(|lamp| lamp.power[0]).sum();
