@@ -8,6 +8,7 @@
 //! The light that they bring past the scene that is there says how strong they are.
 
 mod bulb;
+mod gain;
 mod places;
 mod search;
 

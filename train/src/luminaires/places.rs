@@ -126,8 +126,8 @@ pub(super) fn hidden(
     })
 }
 
-/// Views that `cameras` have of `places`, which are seen where they are up to a distance behind a
-/// surface, and hidden by something near up to another; `up` is the unit vector upwards, `[places]`.
+/// Views that `cameras` have of `places`, `[places]`, which are seen where they are up to a distance
+/// behind a surface, and hidden by something near up to another; `up` is the unit vector upwards.
 ///
 /// # Errors
 /// If the device fails.

@@ -1,12 +1,14 @@
 //! Bulbs at hidden places, one after the other: always the one whose light explains most.
 //!
 //! The light of a bulb at a place leaves in two cones, upwards and downwards. Its gain, the part of
-//! the loss that it would explain, is told from the slope and the curvature of the loss of [`Compared::fit`] at a receiver's known
-//! light (orthogonal matching pursuit: Pati, Rezaiifar and Krishnaprasad 1993), and for the best of
-//! all it is fitted, with all that were found before.
+//! the loss that it would explain ([`gain`](super::gain)), is told from the slope and the curvature
+//! of the loss of [`Compared::fit`] at a receiver's known light (orthogonal matching pursuit: Pati,
+//! Rezaiifar and Krishnaprasad 1993), and for the best of all it is fitted, with all that were found
+//! before.
 
-use super::places::{HALF, Place, Places, ring, side};
-use crate::alike::{Compared, Expected, Fit, Residual, Row};
+use super::gain::{Gain, Lit, Loss, WEIGHT};
+use super::places::{Place, Places, ring, side};
+use crate::alike::{Compared, Expected, Fit, Row};
 use crate::error::Result;
 use crate::lamp_powers::luminances;
 use crate::segments::Segments;
@@ -17,16 +19,12 @@ use std::f32::consts::PI;
 
 /// Receivers by which places are compared, about.
 const NUM_COMPARED: usize = 2000;
-/// Receivers of these that a cone lights, at least.
-const LEAST_LIT: usize = 12;
 /// Receivers nearer than this, in the reach of what hides a bulb, are of what hides it.
 const NEAR: f32 = 0.5;
 /// Distance to the next surface beyond a place, in the same: others are within something.
 const MARGIN: f32 = 0.15;
 /// Cosine to its normal at which a surface gets light, at least.
 const GRAZING: f32 = 0.02;
-/// Weight of light that no view shows.
-const WEIGHT: f64 = 0.01;
 /// Part of the loss that a bulb explains, at least, and one behind a flat lamp, which is likelier.
 /// Measured in four rooms, two of them without such a luminaire: at places of none at most .020,
 /// and behind lamps .003; at those of three .050 to .091, and at those of three behind lamps .009
@@ -52,15 +50,6 @@ pub(super) struct Found {
     pub(super) cones: [usize; 2],
     /// Radiant intensity in each.
     pub(super) intensities: [f64; 2],
-}
-
-/// A receiver that a bulb of intensity 1 lights.
-#[derive(Debug, Clone, Copy)]
-struct Lit {
-    receiver: usize,
-    ring: usize,
-    /// Irradiance over π.
-    light: f32,
 }
 
 /// A search for bulbs at `places`, by the luminance of receivers.
@@ -307,61 +296,5 @@ impl State {
             }
         };
         lit.iter().enumerate().map(gain).collect()
-    }
-}
-
-/// Part of the loss that a bulb at a place would explain, by its best cones.
-struct Gain {
-    number: usize,
-    gain: f64,
-    cones: [usize; 2],
-}
-
-/// The loss about the known light.
-struct Loss<'a> {
-    residuals: &'a [Residual],
-    light: &'a [f64],
-    segments: &'a Segments,
-    /// Sum of the weights of each surface's receivers that places are compared by.
-    weights: &'a [f64],
-    /// Median of the known light.
-    usual: f64,
-}
-
-impl Loss<'_> {
-    /// Gain of the best cone in one half, and its rings.
-    fn cone(&self, lit: &[Lit], half: usize) -> (f64, usize) {
-        let mut rings: [Vec<&Lit>; HALF] = Default::default();
-        for of in lit {
-            let (side, order) = side(of.ring);
-            if side == half && self.residuals[of.receiver].weight > 0.0 {
-                rings[order].push(of);
-            }
-        }
-        let (mut slope, mut curvature, mut num) = (0.0, 0.0, 0);
-        let mut sums: BTreeMap<usize, f64> = BTreeMap::new();
-        let mut best = (0.0, 0);
-        for (order, lit) in rings.iter().enumerate() {
-            for of in lit {
-                let left = &self.residuals[of.receiver];
-                let part = f64::from(of.light) / self.light[of.receiver];
-                let pull = left.weight * left.off + left.weight_above * left.above;
-                slope += part * pull - WEIGHT * f64::from(of.light) / self.usual;
-                curvature += (left.weight + left.weight_above) * part * part;
-                let segment = self.segments.of[of.receiver] as usize;
-                *sums.entry(segment).or_default() += left.weight * part;
-            }
-            num += lit.len();
-            // The mean of each surface follows.
-            let mean = |(segment, sum): (&usize, &f64)| sum * sum / self.weights[*segment];
-            let curvature = curvature - sums.iter().map(mean).sum::<f64>();
-            if num >= LEAST_LIT && slope > 0.0 && curvature > 0.0 {
-                let gain = slope * slope / curvature;
-                if gain > best.0 {
-                    best = (gain, order + 1);
-                }
-            }
-        }
-        best
     }
 }
