@@ -2,19 +2,24 @@
 //!
 //! A sealed file with the raw values, first and second moments, `[n, 17]` each, and where radiance
 //! differs with the direction those of the coefficients, `[n, 24]` each. Of a scene in several
-//! lights the same follows for each light, with `[n, 4]` in place of `[n, 17]`. Written atomically;
-//! a damaged one is recognised by its digest.
+//! lights the same follows for each light, with `[n, 4]` in place of `[n, 17]`. In stage 1 the gloss
+//! of a scene where something is glossy comes last, `[n, 9]`. Written atomically; a damaged one is
+//! recognised by its digest.
 
 use crate::error::Result;
 use crate::options::Stage;
 use crate::params::{
     Learned, LightParameters, Lights, NUM_OF_LIGHT, NUM_PARAMETERS, ParameterState,
 };
+use eagpt_scene::Lamps;
 use eagpt_scene::SceneError;
 use eagpt_scene::files::{self, Key, SealedFormat};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+
+/// Numbers of a Gaussian's gloss.
+pub(crate) const NUM_OF_GLOSS: usize = 9;
 
 const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTCKP",
@@ -47,6 +52,11 @@ pub struct Checkpoint {
     pub extent: f32,
     /// The loss so far.
     pub monitor: LossMonitor,
+    /// Lamps of the first light, once they are listed.
+    pub lamps: Option<Lamps>,
+    /// Gloss of each Gaussian, its rotation and whether it is of bare metal, `[n]`, in stage 1;
+    /// empty where nothing is glossy.
+    pub gloss: Vec<[f32; NUM_OF_GLOSS]>,
     /// Parameters and moments.
     pub state: ParameterState,
 }
@@ -69,6 +79,11 @@ struct Header {
     /// Several lights; see [`Lights`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     lights: Option<LightsHeader>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lamps: Option<Lamps>,
+    /// See [`Checkpoint::gloss`].
+    #[serde(default)]
+    has_gloss: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -108,6 +123,8 @@ impl Checkpoint {
                     .map(|light| light.harmonics.num_steps)
                     .collect(),
             }),
+            lamps: self.lamps.clone(),
+            has_gloss: !self.gloss.is_empty(),
         };
         let state = &self.state;
         let raw = state.raw.arrays().map(<[_]>::as_flattened);
@@ -119,6 +136,7 @@ impl Checkpoint {
         });
         let arrays: Vec<&[f32]> = ([raw, harmonics].concat().into_iter())
             .chain(of_lights)
+            .chain([self.gloss.as_flattened()])
             .collect();
         FORMAT.write(&path, &header, &arrays)?;
         Ok(path)
@@ -130,6 +148,11 @@ impl Checkpoint {
     /// If the file cannot be read, is damaged, or is of another version.
     pub fn read(path: &Path) -> Result<Self> {
         let (header, values): (Header, _) = FORMAT.read(path)?;
+        let num_gloss = match header.has_gloss {
+            true => NUM_OF_GLOSS * header.num_gaussians,
+            false => 0,
+        };
+        let (values, gloss) = values.split_at(values.len().saturating_sub(num_gloss));
         let num_raw = 3 * NUM_PARAMETERS * header.num_gaussians;
         let num_harmonics = 3 * NUM_COEFFICIENTS * header.num_gaussians;
         let num_light = 3 * NUM_OF_LIGHT * header.num_gaussians;
@@ -162,6 +185,8 @@ impl Checkpoint {
             fingerprint: header.fingerprint,
             extent: header.extent,
             monitor: header.monitor,
+            lamps: header.lamps,
+            gloss: gloss.as_chunks().0.to_vec(),
             state: ParameterState {
                 raw: learned(raw, header.num_steps),
                 harmonics: learned(harmonics, header.harmonics_steps),

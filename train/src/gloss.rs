@@ -22,11 +22,12 @@ mod sampler;
 mod share;
 
 use crate::backend::TrainingView;
+use crate::checkpoint::NUM_OF_GLOSS;
 use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
 use crate::segments::Segments;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Gaussians, Gloss};
+use eagpt_scene::{Gaussians, Gloss, SceneEdit};
 use eagpt_trace::cpu::CpuScene;
 use evidence::{Decision, Evidence, METAL};
 use fill::Part;
@@ -61,8 +62,8 @@ pub struct GlossySurface {
 pub(crate) struct Estimate {
     /// Of each Gaussian; empty where nothing is glossy.
     pub(crate) gloss: Vec<Gloss>,
-    /// Gaussians of bare metal, which scatters nothing.
-    pub(crate) bare: Vec<usize>,
+    /// Whether each Gaussian is of bare metal, which scatters nothing.
+    pub(crate) is_bare: Vec<bool>,
     /// Rotations of all Gaussians, those of metal planes turned to face one way.
     pub(crate) rotations: Vec<Quat>,
     /// Surfaces, largest first.
@@ -81,7 +82,7 @@ impl Estimate {
     ) -> Self {
         let mut found = Self {
             gloss: vec![Gloss::NONE; gaussians.len()],
-            bare: Vec::new(),
+            is_bare: vec![false; gaussians.len()],
             rotations: gaussians.rotations.clone(),
             surfaces: Vec::new(),
         };
@@ -97,9 +98,7 @@ impl Estimate {
                 continue;
             };
             found.gloss[i] = own.gloss;
-            if own.is_bare {
-                found.bare.push(i);
-            }
+            found.is_bare[i] = own.is_bare;
             let sum = sums.entry(source).or_default();
             *sum = (sum.0 + area(i), sum.1 + 1, sum.2 + gaussians.positions[i]);
             // Dielectrics mirror little: even normals bring less than the turn costs.
@@ -130,17 +129,66 @@ impl Estimate {
     }
 
     /// Gives `gaussians` the gloss that was found, takes the albedo of bare metal, and turns discs
-    /// of metal planes. Those that have come since, at the end, have none.
+    /// of metal planes.
     pub(crate) fn apply(&self, gaussians: &mut Gaussians) {
         if !self.gloss.is_empty() {
             gaussians.gloss.clone_from(&self.gloss);
-            gaussians.gloss.resize(gaussians.len(), Gloss::NONE);
-            gaussians.rotations[..self.rotations.len()].copy_from_slice(&self.rotations);
-            for &i in &self.bare {
-                gaussians.albedos[i] = Vec3::ZERO;
+            gaussians.rotations.copy_from_slice(&self.rotations);
+            for (albedo, is_bare) in gaussians.albedos.iter_mut().zip(&self.is_bare) {
+                if *is_bare {
+                    *albedo = Vec3::ZERO;
+                }
             }
         }
     }
+
+    /// Follows an edit of the scene. What comes has no gloss.
+    pub(crate) fn edit(&mut self, edit: &SceneEdit) {
+        if self.gloss.is_empty() {
+            return;
+        }
+        let stays = || edit.keep.iter().copied();
+        retain(&mut self.gloss, stays());
+        retain(&mut self.is_bare, stays());
+        retain(&mut self.rotations, stays());
+        self.rotations.extend(&edit.fixed.rotations);
+        self.gloss.resize(self.rotations.len(), Gloss::NONE);
+        self.is_bare.resize(self.rotations.len(), false);
+    }
+
+    /// Gloss, rotation and whether it is of bare metal of each Gaussian, `[n]`, for
+    /// [`Self::from_rows`].
+    pub(crate) fn rows(&self) -> Vec<[f32; NUM_OF_GLOSS]> {
+        let rows = self.gloss.iter().zip(&self.rotations).zip(&self.is_bare);
+        let row = |((gloss, rotation), is_bare): ((&Gloss, &Quat), &bool)| {
+            let [r, g, b] = gloss.specular.to_array();
+            let [x, y, z, w] = rotation.to_array();
+            let is_bare = f32::from(u8::from(*is_bare));
+            [r, g, b, gloss.roughness, x, y, z, w, is_bare]
+        };
+        rows.map(row).collect()
+    }
+
+    /// That of [`Self::rows`], without the list of surfaces.
+    pub(crate) fn from_rows(rows: &[[f32; NUM_OF_GLOSS]]) -> Self {
+        let gloss = |row: &[f32; NUM_OF_GLOSS]| Gloss {
+            specular: Vec3::new(row[0], row[1], row[2]),
+            roughness: row[3],
+        };
+        let rotation = |row: &[f32; NUM_OF_GLOSS]| Quat::from_xyzw(row[4], row[5], row[6], row[7]);
+        Self {
+            gloss: rows.iter().map(gloss).collect(),
+            is_bare: rows.iter().map(|row| row[8] > 0.0).collect(),
+            rotations: rows.iter().map(rotation).collect(),
+            surfaces: Vec::new(),
+        }
+    }
+}
+
+/// Keeps of `values` those that stay.
+fn retain<T>(values: &mut Vec<T>, stays: impl Iterator<Item = bool>) {
+    let mut stays = stays.fuse();
+    values.retain(|_| stays.next().unwrap_or(true));
 }
 
 /// Looks for glossy surfaces among the Gaussians of stage 0, by the photographs of `views`.

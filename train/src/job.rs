@@ -32,6 +32,7 @@ use crate::points::Discs;
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_scene::files::digest;
+use eagpt_scene::lamps::write_lamps;
 use folder::Folder;
 use gloss::RunGloss;
 use lights::Light;
@@ -91,6 +92,9 @@ pub fn train(
     let start = match (resumed.checkpoint, &given) {
         (Some(checkpoint), _) => {
             run.check(&mut views, |_| ())?;
+            if let Some(lamps) = &checkpoint.lamps {
+                write_lamps(&run.folder.lamps(0), lamps)?;
+            }
             checkpoint
         }
         (None, Some(given)) => {

@@ -37,6 +37,7 @@ mod log;
 pub mod loss;
 mod luminaires;
 mod luminous;
+mod makes;
 pub mod options;
 mod order;
 mod own_light;

@@ -67,21 +67,23 @@ pub(crate) fn find(
         up,
     };
     let found = search.find()?;
-    let bulb = |found: &Found, intensity: Vec3| {
-        Bulb::new((found.position, open(found)), intensity, (up, reach))
+    let bulbs = |found: &Found, intensity: Vec3| -> Vec<Bulb> {
+        let cones = open(found);
+        let bulb = |at: &Vec3| Bulb::new((*at, cones), intensity, (up, reach));
+        found.positions.iter().map(bulb).collect()
     };
-    let bulbs: Vec<Bulb> = found.iter().map(|of| bulb(of, Vec3::ONE)).collect();
+    let dim: Vec<Vec<Bulb>> = found.iter().map(|of| bulbs(of, Vec3::ONE)).collect();
     let mut edit = SceneEdit::nothing(gaussians.len());
     let scene = (&*tracer, gaussians);
     for i in in_the_way(scene, &found, (cameras, up), reach)? {
         edit.keep[i] = false;
     }
     let cleared = edit.applied(gaussians);
-    let intensities = intensities((device, &cleared), &bulbs, &compared, key)?;
+    let intensities = intensities((device, &cleared), &dim, &compared, key)?;
     let found = found.iter().zip(intensities);
     let bulbs: Vec<Bulb> = found
         .filter(|(_, intensity)| intensity.max_element() > 0.0)
-        .map(|(found, intensity)| bulb(found, intensity))
+        .flat_map(|(found, intensity)| bulbs(found, intensity))
         .collect();
     edit.fixed = bulbs.iter().flat_map(|bulb| bulb.discs.iter()).collect();
     Ok(HiddenLamps {
@@ -91,6 +93,9 @@ pub(crate) fn find(
 }
 
 /// The Gaussians that no camera sees and that are where light leaves a luminaire.
+///
+/// # Errors
+/// If the device fails.
 fn in_the_way(
     (tracer, gaussians): (&dyn Tracer, &Gaussians),
     found: &[Found],
@@ -99,9 +104,12 @@ fn in_the_way(
 ) -> Result<impl Iterator<Item = usize>> {
     let is_within = |place: &Vec3| {
         found.iter().any(|of| {
-            let offset = *place - of.position;
-            let direction = offset.normalize_or_zero();
-            offset.length() < reach && places::is_open(direction.dot(up), open(of))
+            let cones = open(of);
+            of.positions.iter().any(|position| {
+                let offset = *place - *position;
+                let direction = offset.normalize_or_zero();
+                offset.length() < reach && places::is_open(direction.dot(up), cones)
+            })
         })
     };
     let within = (0..gaussians.len()).filter(|i| is_within(&gaussians.positions[*i]));
@@ -123,10 +131,10 @@ fn open(found: &Found) -> [usize; 2] {
     )
 }
 
-/// The radiant intensities of `bulbs`, which are those of intensity 1.
+/// The radiant intensities of `bulbs`, which are those of intensity 1, each of several of one make.
 fn intensities(
     (device, gaussians): (&Device, &Gaussians),
-    bulbs: &[Bulb],
+    bulbs: &[Vec<Bulb>],
     compared: &Compared,
     key: RandomKey,
 ) -> Result<Vec<Vec3>> {
@@ -140,12 +148,17 @@ fn intensities(
         false => NO_LIGHT,
     };
     let mut of: Vec<u32> = gaussians.emissions.iter().map(rest).collect();
-    for (light, bulb) in (0..).zip(bulbs) {
+    let bulbs = || {
+        (0..)
+            .zip(bulbs)
+            .flat_map(|(light, of)| of.iter().map(move |bulb| (light, bulb)))
+    };
+    for (light, bulb) in bulbs() {
         let emissions = bulb.discs.emissions.iter();
         of.extend(emissions.map(|emission| if emits(*emission) { light } else { NO_LIGHT }));
     }
     let names = vec![String::new(); num + 1];
-    let discs = bulbs.iter().flat_map(|bulb| bulb.discs.iter());
+    let discs = bulbs().flat_map(|(_, bulb)| bulb.discs.iter());
     let scene: Gaussians = gaussians.iter().chain(discs).collect();
     let tracer = device.scene(&scene)?;
     let direct = direct(

@@ -19,6 +19,8 @@ fn sample(iteration: u32) -> Checkpoint {
             smoothed_l1: 1.0 / 3.0,
             best_l1: f64::MAX,
         },
+        lamps: None,
+        gloss: vec![[0.25; NUM_OF_GLOSS], [1.0 / 3.0; NUM_OF_GLOSS]],
         state: ParameterState {
             raw: learned(&[1.0, -0.1, 1e-20].map(array).concat(), 7),
             harmonics: learned(&[2.0, 0.3, 1e-9].map(coefficients).concat(), 3),

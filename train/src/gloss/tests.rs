@@ -261,3 +261,27 @@ fn discs_turn_towards_their_plane_unless_it_is_another() {
     let steep = Quat::from_rotation_x(1.2);
     assert_eq!(fill::turned(steep, normal), steep);
 }
+
+#[test]
+fn gloss_stays_with_its_gaussian_when_others_go_and_come() {
+    let gloss = |specular: f32| Gloss {
+        specular: Vec3::splat(specular),
+        roughness: 0.25,
+    };
+    let turned = |angle: f32| Quat::from_rotation_x(angle);
+    let mut estimate = Estimate {
+        gloss: [0.0, 0.5, 0.75].map(gloss).to_vec(),
+        is_bare: vec![false, true, false],
+        rotations: [0.0, 1.0, 2.0].map(turned).to_vec(),
+        surfaces: Vec::new(),
+    };
+    let mut edit = SceneEdit::nothing(3);
+    edit.keep[0] = false;
+    edit.fixed = [material(Vec3::ZERO, 0.0, Vec3::ONE)].into_iter().collect();
+    edit.fixed.rotations[0] = turned(3.0);
+    estimate.edit(&edit);
+    assert_eq!(estimate.gloss, [gloss(0.5), gloss(0.75), Gloss::NONE]);
+    assert_eq!(estimate.is_bare, [true, false, false]);
+    assert_eq!(estimate.rotations, [1.0, 2.0, 3.0].map(turned));
+    assert_eq!(Estimate::from_rows(&estimate.rows()), estimate);
+}

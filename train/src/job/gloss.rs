@@ -1,13 +1,14 @@
 //! Gloss between the stages: estimated, and taken out of what albedos are to explain.
 
 use crate::backend::{Backend, TrainingView};
+use crate::checkpoint::NUM_OF_GLOSS;
 use crate::error::Result;
 use crate::gloss::{self, Estimate};
 use crate::options::TrainOptions;
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_scene::color::luminance;
-use eagpt_scene::{Gaussians, Gloss};
+use eagpt_scene::{Gaussians, Gloss, SceneEdit};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::glossy::Mirrored;
 use eagpt_trace::{LightOptions, Tracer};
@@ -61,8 +62,25 @@ impl RunGloss {
         }
     }
 
-    /// Estimates the gloss of the scene of stage 0, where that is asked for. It is not stored: a
-    /// resumed run estimates the same again.
+    /// Follows an edit of the scene.
+    pub(super) fn edit(&mut self, edit: &SceneEdit) {
+        self.estimate.edit(edit);
+    }
+
+    /// What a checkpoint holds of it.
+    pub(super) fn rows(&self) -> Vec<[f32; NUM_OF_GLOSS]> {
+        self.estimate.rows()
+    }
+
+    /// That of a checkpoint of stage 1.
+    pub(super) fn from_rows(rows: &[[f32; NUM_OF_GLOSS]]) -> Self {
+        Self {
+            estimate: Estimate::from_rows(rows),
+            ..Self::default()
+        }
+    }
+
+    /// Estimates the gloss of the scene of stage 0, where that is asked for.
     pub(super) fn estimate(
         options: &TrainOptions,
         backend: &mut dyn Backend,
@@ -73,20 +91,31 @@ impl RunGloss {
             return Ok(Self::default());
         }
         progress(TrainProgress::Gloss { surfaces: None });
-        let mut lights = backend.state()?.in_lights();
+        let lights = backend.state()?.in_lights();
         let estimate = gloss::estimate(&lights, views.iter(), options.seed)?;
         progress(TrainProgress::Gloss {
             surfaces: Some(estimate.surfaces.clone()),
         });
-        let mut found = Self {
+        Ok(Self {
             estimate,
             ..Self::default()
-        };
-        if found.estimate.gloss.is_empty() {
-            return Ok(found);
+        })
+    }
+
+    /// Tells what albedos are to explain of the photographs and of each Gaussian's light, by what
+    /// its surface mirrors of the scene as it is.
+    pub(super) fn explain(
+        &mut self,
+        options: &TrainOptions,
+        backend: &mut dyn Backend,
+        views: &Views,
+    ) -> Result<()> {
+        if self.estimate.gloss.is_empty() {
+            return Ok(());
         }
+        let mut lights = backend.state()?.in_lights();
         for gaussians in &mut lights {
-            found.apply(gaussians);
+            self.apply(gaussians);
         }
         let mut scenes: Vec<CpuScene> = lights.iter().map(CpuScene::new).collect();
         let mut sums = vec![vec![(0.0_f32, 0.0_f32); lights[0].len()]; lights.len()];
@@ -120,12 +149,12 @@ impl RunGloss {
                 *sum += of.weighted_value;
                 *total += of.weight;
             }
-            found.diffuse.insert(index, pixels);
+            self.diffuse.insert(index, pixels);
         }
         let share = |(sum, total): (f32, f32)| if total > 0.0 { sum / total } else { 1.0 };
         let shares = sums.into_iter().map(|of| of.into_iter().map(share));
-        found.shares = shares.map(Iterator::collect).collect();
-        Ok(found)
+        self.shares = shares.map(Iterator::collect).collect();
+        Ok(())
     }
 }
 

@@ -41,7 +41,7 @@ impl Run<'_> {
             return Ok(false);
         };
         let lamps = read_lamps(&list)?;
-        add(backend, (&list, lamps), ("unseen", panels))?;
+        self.add(backend, (&list, lamps), ("unseen", panels))?;
         (self.progress)(TrainProgress::Unseen { share });
         Ok(true)
     }
@@ -65,22 +65,24 @@ impl Run<'_> {
         if num == 0 {
             return Ok(false);
         }
-        add(backend, (&list, lamps), ("hidden", found))?;
+        self.add(backend, (&list, lamps), ("hidden", found))?;
         (self.progress)(TrainProgress::Bulbs { num });
         Ok(true)
     }
-}
 
-/// Adds lamps to the scene and, as `name-1` and so on, to those listed.
-fn add(
-    backend: &mut dyn Backend,
-    (list, mut lamps): (&Path, Lamps),
-    (name, found): (&str, HiddenLamps),
-) -> Result<()> {
-    backend.edit(&found.edit, &[])?;
-    for (mut lamp, number) in found.lamps.into_iter().zip(1..) {
-        lamp.name = format!("{name}-{number}");
-        lamps.lamps.push(lamp);
+    /// Adds lamps to the scene and, as `name-1` and so on, to those listed.
+    fn add(
+        &mut self,
+        backend: &mut dyn Backend,
+        (list, mut lamps): (&Path, Lamps),
+        (name, found): (&str, HiddenLamps),
+    ) -> Result<()> {
+        backend.edit(&found.edit, &[])?;
+        self.gloss.edit(&found.edit);
+        for (mut lamp, number) in found.lamps.into_iter().zip(1..) {
+            lamp.name = format!("{name}-{number}");
+            lamps.lamps.push(lamp);
+        }
+        Ok(write_lamps(list, &lamps)?)
     }
-    Ok(write_lamps(list, &lamps)?)
 }

@@ -4,12 +4,13 @@ use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
 use crate::lamp_powers::{factors, is_measured, shows_bulb};
+use crate::makes::of_one_make;
 use crate::progress::TrainProgress;
 use crate::views::Views;
-use eagpt_scene::lamps::{read_lamps, write_lamps};
+use eagpt_scene::lamps::{Lamps, read_lamps, write_lamps};
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{LightGroups, SceneError};
+use eagpt_scene::{Lamp, LightGroups, SceneError};
 use glam::Vec3;
 
 impl Run<'_> {
@@ -37,11 +38,27 @@ impl Run<'_> {
                 !lamp.views.is_empty() && !is_known
             })
         };
-        let free: Vec<bool> = lights.names.iter().map(is_free).collect();
+        let mut free: Vec<bool> = lights.names.iter().map(is_free).collect();
+        let first = first_of_make(&lights, (&lamps, &free), views.up());
+        let of = lights.of.iter();
+        let together = LightGroups {
+            names: lights.names.clone(),
+            of: of
+                .map(|of| {
+                    first
+                        .get(*of as usize)
+                        .map_or(NO_LIGHT, |first| *first as u32)
+                })
+                .collect(),
+        };
+        for (light, first) in first.iter().enumerate() {
+            free[light] &= light == *first;
+        }
         let tracer = request.device.scene(&scene)?;
         let key = RandomKey::new(request.options.seed, Purpose::Albedo, 5);
         let received = backend.gathered(0);
-        let factors = factors((&*tracer, &scene), (&lights, &free), &received, key)?;
+        let found = factors((&*tracer, &scene), (&together, &free), &received, key)?;
+        let factors: Vec<f32> = first.iter().map(|first| found[*first]).collect();
         let most = factors.iter().copied().fold(1.0, f32::max);
         if most == 1.0 {
             return Ok(false);
@@ -61,4 +78,21 @@ impl Run<'_> {
         (self.progress)(TrainProgress::LampPowers { num, most });
         Ok(true)
     }
+}
+
+/// The first of the `free` lights that are lamps of the same make as each, `[lights]`: what hides
+/// them hides as much of each, so their factors are one; `up` is the unit vector upwards.
+fn first_of_make(lights: &LightGroups, (lamps, free): (&Lamps, &[bool]), up: Vec3) -> Vec<usize> {
+    let mut first: Vec<usize> = (0..free.len()).collect();
+    let free = (0..free.len()).filter(|light| free[*light]);
+    let of: Vec<(usize, &Lamp)> = free
+        .filter_map(|light| Some((light, lamps.named(&lights.names[light])?)))
+        .collect();
+    let makes: Vec<&Lamp> = of.iter().map(|(_, lamp)| *lamp).collect();
+    for make in of_one_make(&makes, up) {
+        for i in &make {
+            first[of[*i].0] = of[make[0]].0;
+        }
+    }
+    first
 }

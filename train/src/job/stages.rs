@@ -11,6 +11,8 @@ use crate::loss::LossTerms;
 use crate::options::{Gather, Stage, StageChoice};
 use crate::progress::TrainProgress;
 use crate::views::Views;
+use eagpt_scene::Lamps;
+use eagpt_scene::lamps::read_lamps;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -38,29 +40,35 @@ impl Run<'_> {
         if wanted == StageChoice::Radiance {
             return Ok(true);
         }
-        if position.stage == Stage::Radiance {
-            self.mark_luminous(backend, views)?;
-        }
-        self.gloss = RunGloss::estimate(&self.request.options, backend, views, self.progress)?;
+        self.gloss = match position.stage {
+            Stage::Radiance => {
+                self.mark_luminous(backend, views)?;
+                RunGloss::estimate(&self.request.options, backend, views, self.progress)?
+            }
+            Stage::Albedo => RunGloss::from_rows(&position.gloss),
+        };
         let gathers = self.request.options.albedo.gather == Gather::Gaussians;
         let over = position.stage == Stage::Albedo
             && position.iteration >= self.num_iterations(Stage::Albedo);
         if gathers && !over && !self.gather(backend, views)? {
             return Ok(false);
         }
-        if position.stage == Stage::Radiance {
-            if gathers {
-                if self.light_unseen(backend, views)? && !self.gather(backend, views)? {
-                    return Ok(false);
-                }
-                if self.place_bulbs(backend, views)? && !self.gather(backend, views)? {
-                    return Ok(false);
-                }
-                if self.correct_lamps(backend, views)? && !self.gather(backend, views)? {
-                    return Ok(false);
-                }
-                self.mark_glows(backend, views)?;
+        if position.stage == Stage::Radiance && gathers {
+            if self.light_unseen(backend, views)? && !self.gather(backend, views)? {
+                return Ok(false);
             }
+            if self.place_bulbs(backend, views)? && !self.gather(backend, views)? {
+                return Ok(false);
+            }
+            if self.correct_lamps(backend, views)? && !self.gather(backend, views)? {
+                return Ok(false);
+            }
+            self.mark_glows(backend, views)?;
+        }
+        if !over {
+            self.gloss.explain(&self.request.options, backend, views)?;
+        }
+        if position.stage == Stage::Radiance {
             backend.begin_albedo(&self.gloss.shares)?;
             position.stage = Stage::Albedo;
             position.iteration = 0;
@@ -211,8 +219,16 @@ impl Run<'_> {
         Ok(())
     }
 
+    /// The lamps of the first light, if they are listed.
+    fn listed_lamps(&self) -> Result<Option<Lamps>> {
+        let list = self.folder.lamps(0);
+        Ok(list.exists().then(|| read_lamps(&list)).transpose()?)
+    }
+
     fn save(&mut self, backend: &mut dyn Backend, position: &Checkpoint) -> Result<()> {
         let checkpoint = Checkpoint {
+            lamps: self.listed_lamps()?,
+            gloss: self.gloss.rows(),
             state: backend.state()?,
             ..position.clone()
         };

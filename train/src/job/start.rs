@@ -88,6 +88,8 @@ pub(super) fn checkpoint(
             smoothed_l1: 0.0,
             best_l1: f64::MAX,
         },
+        lamps: None,
+        gloss: Vec::new(),
         state,
     }
 }

@@ -1,6 +1,6 @@
 //! A bulb whose light leaves in cones.
 
-use super::places::is_open;
+use super::places::{is_open, solid_angle};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::{Gaussian, Gaussians, Gloss};
 use eagpt_scene::{Lamp, LampShape};
@@ -40,6 +40,8 @@ impl Bulb {
         let frame = (centre, Quat::IDENTITY, Vec3::splat(2.0 * radius));
         let lamp = Lamp {
             num_gaussians: bulb.len(),
+            // The ball around it keeps the rest.
+            power: (solid_angle(cones) * intensity).to_array(),
             ..Lamp::unmeasured(LampShape::Ball, frame, (area, radiance))
         };
         // Discs are as wide as a ring.

@@ -1,11 +1,12 @@
 //! Places that cameras look towards and do not see, as something hides them that is near.
 
 use crate::error::Result;
+use crate::makes::of_one_make;
 use crate::unseen::hull::Hull;
 use eagpt_scene::{Camera, Lamp, LampShape};
 use eagpt_trace::{Ray, Tracer};
 use glam::Vec3;
-use std::f32::consts::PI;
+use std::f32::consts::{PI, TAU};
 
 /// Distance up to which something hides a bulb, in edges of a cube of the room's volume: a shade
 /// of 25 cm in a room of 70 m³.
@@ -24,9 +25,10 @@ pub(super) const NUM_RINGS: usize = 24;
 pub(super) const HALF: usize = NUM_RINGS / 2;
 
 /// A place.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Place {
-    pub(super) position: Vec3,
+    /// Where a bulb is; one of the same light behind each of several lamps of one make.
+    pub(super) positions: Vec<Vec3>,
     /// Whether it is behind a flat lamp, which may be the opening of its fixture.
     pub(super) is_behind_lamp: bool,
     /// Rings from the uppermost one on, and from the lowest one on, in which no camera is that
@@ -63,12 +65,34 @@ pub(super) fn is_open(cosine: f32, cones: [usize; 2]) -> bool {
     number < cones[half]
 }
 
+/// Solid angle of two cones, of so many rings from above and from below, steradians.
+pub(super) fn solid_angle(cones: [usize; 2]) -> f32 {
+    let cap = |num: usize| TAU * (1.0 - (PI * num as f32 / NUM_RINGS as f32).cos());
+    cones.map(cap).iter().sum()
+}
+
 /// Views of a place.
 #[derive(Debug, Clone, Copy, Default)]
 struct Looks {
     is_seen: bool,
     /// Cameras in each ring that something near hides it from.
     hidden: [u16; NUM_RINGS],
+}
+
+impl Looks {
+    /// Whether something near hides the place from all cameras that look towards it.
+    fn hide(&self) -> bool {
+        let num: u16 = self.hidden.iter().sum();
+        !self.is_seen && usize::from(num) >= LEAST_HIDDEN
+    }
+
+    /// [`Place::open`].
+    fn open(&self) -> [usize; 2] {
+        let (above, below) = self.hidden.split_at(HALF);
+        let from_above = above.iter().take_while(|num| **num == 0);
+        let from_below = below.iter().rev().take_while(|num| **num == 0);
+        [from_above.count(), from_below.count()]
+    }
 }
 
 /// The places within the box around `surfaces`, `up` being the unit vector upwards.
@@ -99,31 +123,36 @@ pub(super) fn hidden(
     let openings = lamps
         .iter()
         .filter(|lamp| lamp.shape == LampShape::Panel && lamp.one_sided);
-    let behind = openings.flat_map(|lamp| {
-        let back = lamp.world_from_lamp() * -Vec3::Z;
-        let width = 0.5 * (lamp.size[0] + lamp.size[1]);
-        DEPTHS.map(|depth| lamp.centre() + depth * width * back)
-    });
-    let places: Vec<Vec3> = grid.chain(behind).collect();
-    let looks = looks(tracer, &places, (cameras, up), [0.0, reach])?;
-    let place = |(number, (looks, position)): (usize, (Looks, Vec3))| {
-        let num: u16 = looks.hidden.iter().sum();
-        let free = |half: &[u16]| half.iter().take_while(|num| **num == 0).count();
-        let (above, below) = looks.hidden.split_at(HALF);
-        let below: Vec<u16> = below.iter().rev().copied().collect();
-        let is_hidden = !looks.is_seen && usize::from(num) >= LEAST_HIDDEN;
+    let openings: Vec<&Lamp> = openings.collect();
+    let behind = (openings.iter()).flat_map(|lamp| DEPTHS.map(|depth| behind(lamp, depth)));
+    let positions: Vec<Vec3> = grid.chain(behind).collect();
+    let looks = looks(tracer, &positions, (cameras, up), [0.0, reach])?;
+    let place = |numbers: Vec<usize>| {
+        let is_hidden = numbers.iter().all(|number| looks[*number].hide());
+        let open = numbers.iter().map(|number| looks[*number].open());
         is_hidden.then(|| Place {
-            position,
-            is_behind_lamp: number >= num_grid,
-            open: [free(above), free(&below)],
+            positions: numbers.iter().map(|number| positions[*number]).collect(),
+            is_behind_lamp: numbers[0] >= num_grid,
+            open: open.fold([HALF; 2], |[a, b], [c, d]| [a.min(c), b.min(d)]),
         })
     };
+    let singles = (0..positions.len()).map(|number| vec![number]);
+    let mut makes = of_one_make(&openings, up);
+    makes.retain(|make| make.len() > 1);
+    let sets = makes.into_iter().flat_map(|set| {
+        let number = |depth, opening| num_grid + opening * DEPTHS.len() + depth;
+        (0..DEPTHS.len()).map(move |depth| set.iter().map(|i| number(depth, *i)).collect())
+    });
     Ok(Places {
-        all: (looks.into_iter().zip(places).enumerate())
-            .filter_map(place)
-            .collect(),
+        all: singles.chain(sets).filter_map(place).collect(),
         reach,
     })
+}
+
+/// The place so many widths behind a flat lamp.
+fn behind(lamp: &Lamp, depth: f32) -> Vec3 {
+    let back = lamp.world_from_lamp() * -Vec3::Z;
+    lamp.centre() + depth * 0.5 * (lamp.size[0] + lamp.size[1]) * back
 }
 
 /// Views that `cameras` have of `places`, `[places]`, which are seen where they are up to a distance

@@ -42,10 +42,10 @@ const AS_GOOD: f64 = 0.7;
 const LEAST_ALBEDO: f64 = 0.05;
 const DARKER: f64 = 0.25;
 
-/// A bulb, and the halves of the sphere around it in which its light leaves.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A bulb, or several of one make, and the halves of the sphere around it in which its light leaves.
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Found {
-    pub(super) position: Vec3,
+    pub(super) positions: Vec<Vec3>,
     /// Rings of the cone upwards and of that downwards; 0 where it is closed.
     pub(super) cones: [usize; 2],
     /// Radiant intensity in each.
@@ -122,7 +122,7 @@ impl Search<'_> {
         }
         let intensity = |source: usize| intensities.get(&source).copied().unwrap_or(0.0);
         let found = chosen.into_iter().map(|(number, cones)| Found {
-            position: self.places.all[number].position,
+            positions: self.places.all[number].positions.clone(),
             cones,
             intensities: [0, 1].map(|side| intensity(2 * number + side)),
         });
@@ -149,12 +149,12 @@ impl Search<'_> {
                 break;
             };
             let place = &self.places.all[number];
-            done.push(place.position);
+            done.extend(&place.positions);
             let mut rows = state.rows.clone();
             for lit in self.lit(place, 1)? {
                 let (side, order) = side(lit.ring);
                 if order < cones[side] {
-                    rows[lit.receiver].push((2 * number + side, f64::from(lit.light)));
+                    add(&mut rows[lit.receiver], 2 * number + side, lit.light);
                 }
             }
             for row in &mut rows {
@@ -178,29 +178,35 @@ impl Search<'_> {
     }
 
     /// The place of most gain that is not near one that is `done`; of several that are about as good
-    /// the one in their middle, as a bulb is in a shade.
+    /// lamps of one make, or else the one in their middle, as a bulb is in a shade.
     fn best<'g>(&self, gains: &'g [Gain], done: &[Vec3]) -> Option<&'g Gain> {
         let (all, reach) = (&self.places.all, self.places.reach);
-        let position = |of: &Gain| all[of.number].position;
-        let is_open = |of: &&Gain| {
-            !done
-                .iter()
-                .any(|done| done.distance(position(of)) < APART * reach)
+        let positions = |of: &Gain| all[of.number].positions.as_slice();
+        let is_near = |a: &[Vec3], b: &[Vec3], distance: f32| {
+            let mut pairs = a.iter().flat_map(|a| b.iter().map(move |b| a.distance(*b)));
+            pairs.any(|apart| apart < distance)
         };
+        let is_open = |of: &&Gain| !is_near(positions(of), done, APART * reach);
         let open: Vec<&Gain> = gains.iter().filter(is_open).collect();
-        let best = open.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        let is_as_good = |of: &&&Gain| {
-            of.gain >= AS_GOOD * best.gain && position(of).distance(position(best)) < reach
+        let best = *(open.iter()).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        if best.gain <= 0.0 {
+            return None;
+        }
+        let near_best = |of: &&&Gain| {
+            of.gain >= AS_GOOD * best.gain && is_near(positions(of), positions(best), reach)
         };
-        let as_good = || open.iter().filter(is_as_good);
+        let as_good = || open.iter().filter(near_best);
+        let sets = as_good().filter(|of| positions(of).len() > 1);
+        if let Some(set) = sets.max_by(|a, b| a.gain.total_cmp(&b.gain)) {
+            return Some(set);
+        }
         let (sum, weight) = as_good().fold((Vec3::ZERO, 0.0), |sum, of| {
             let weight = of.gain as f32;
-            (sum.0 + weight * position(of), sum.1 + weight)
+            (sum.0 + weight * positions(of)[0], sum.1 + weight)
         });
         let middle = sum / weight;
-        let off = |of: &&&Gain| position(of).distance_squared(middle);
-        let nearest = as_good().min_by(|a, b| off(a).total_cmp(&off(b)))?;
-        (best.gain > 0.0).then_some(*nearest)
+        let off = |of: &&&Gain| positions(of)[0].distance_squared(middle);
+        as_good().min_by(|a, b| off(a).total_cmp(&off(b))).copied()
     }
 
     /// Every so many-th of the receivers, if a bulb at a place lights it.
@@ -209,8 +215,10 @@ impl Search<'_> {
     /// If the device fails.
     fn lit(&self, place: &Place, step: usize) -> Result<Vec<Lit>> {
         let (mut rays, mut lit) = (Vec::new(), Vec::new());
-        for (receiver, (_, surface)) in self.compared.receivers.iter().enumerate().step_by(step) {
-            let towards = place.position - surface.position;
+        let receivers = self.compared.receivers.iter().enumerate().step_by(step);
+        let pairs = receivers.flat_map(|of| place.positions.iter().map(move |at| (of, *at)));
+        for ((receiver, (_, surface)), position) in pairs {
+            let towards = position - surface.position;
             let distance = towards.length();
             let direction = towards / distance;
             let cosine = direction.dot(surface.normal);
@@ -262,6 +270,14 @@ impl Search<'_> {
         let light = [state.radiances.as_slice(), &state.known];
         self.compared
             .fit((segments, true), rows, light, &expected.collect())
+    }
+}
+
+/// Adds light of a source to a row.
+fn add(row: &mut Row, source: usize, light: f32) {
+    match row.iter_mut().find(|(other, _)| *other == source) {
+        Some((_, sum)) => *sum += f64::from(light),
+        None => row.push((source, f64::from(light))),
     }
 }
 
