@@ -1,6 +1,8 @@
 //! Tests of checkpoints.
 
 use super::*;
+use eagpt_scene::{Lamp, LampShape};
+use glam::{Quat, Vec3};
 
 fn sample(iteration: u32) -> Checkpoint {
     let array = |x: f32| [[x; NUM_PARAMETERS], [x + 0.125; NUM_PARAMETERS]].concat();
@@ -9,6 +11,12 @@ fn sample(iteration: u32) -> Checkpoint {
         light: learned(&[x; 2 * 3 * NUM_OF_LIGHT], 0),
         harmonics: learned(&[x; 2 * 3 * NUM_COEFFICIENTS], 5),
     };
+    let frame = (
+        Vec3::ONE / 3.0,
+        Quat::from_rotation_x(0.7),
+        Vec3::splat(0.1),
+    );
+    let lamp = Lamp::unmeasured(LampShape::Ball, frame, (1.0 / 7.0, Vec3::splat(1e5 / 3.0)));
     Checkpoint {
         stage: Stage::Radiance,
         iteration,
@@ -19,7 +27,7 @@ fn sample(iteration: u32) -> Checkpoint {
             smoothed_l1: 1.0 / 3.0,
             best_l1: f64::MAX,
         },
-        lamps: None,
+        lamps: Some(Lamps { lamps: vec![lamp] }),
         gloss: vec![[0.25; NUM_OF_GLOSS], [1.0 / 3.0; NUM_OF_GLOSS]],
         state: ParameterState {
             raw: learned(&[1.0, -0.1, 1e-20].map(array).concat(), 7),
