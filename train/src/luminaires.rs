@@ -11,6 +11,7 @@ mod bulb;
 mod gain;
 mod places;
 mod search;
+mod strip;
 
 use crate::alike::{Compared, Expected};
 use crate::bake::emits;
@@ -69,6 +70,15 @@ pub(crate) fn find(
     let found = search.find()?;
     let bulbs = |found: &Found, intensity: Vec3| -> Vec<Bulb> {
         let cones = open(found);
+        if found.is_strip {
+            let ends = [
+                found.positions[0],
+                found.positions[found.positions.len() - 1],
+            ];
+            let normal = if cones[0] > 0 { up } else { -up };
+            let intensity = found.positions.len() as f32 * intensity;
+            return vec![Bulb::strip(ends, normal, intensity, reach)];
+        }
         let bulb = |at: &Vec3| Bulb::new((*at, cones), intensity, (up, reach));
         found.positions.iter().map(bulb).collect()
     };
@@ -79,7 +89,8 @@ pub(crate) fn find(
         edit.keep[i] = false;
     }
     let cleared = edit.applied(gaussians);
-    let intensities = intensities((device, &cleared), &dim, &compared, key)?;
+    let near = places::NEAR * reach;
+    let intensities = intensities((device, &cleared), (&found, &dim, near), &compared, key)?;
     let found = found.iter().zip(intensities);
     let bulbs: Vec<Bulb> = found
         .filter(|(_, intensity)| intensity.max_element() > 0.0)
@@ -131,10 +142,11 @@ fn open(found: &Found) -> [usize; 2] {
     )
 }
 
-/// The radiant intensities of `bulbs`, which are those of intensity 1, each of several of one make.
+/// The radiant intensities of what was `found`, by its `bulbs` of intensity 1. Receivers up to
+/// `near` to one are of what hides it, and tell nothing of it.
 fn intensities(
     (device, gaussians): (&Device, &Gaussians),
-    bulbs: &[Vec<Bulb>],
+    (found, bulbs, near): (&[Found], &[Vec<Bulb>], f32),
     compared: &Compared,
     key: RandomKey,
 ) -> Result<Vec<Vec3>> {
@@ -167,8 +179,17 @@ fn intensities(
         compared,
         key,
     )?;
-    let direct: Vec<Vec3> = (direct.chunks(num + 1))
-        .flat_map(|parts| parts[..num].iter().copied())
+    let of_bulb = |(_, surface): &Receiver, (part, found): (&Vec3, &Found)| {
+        let is_near = |at: &Vec3| at.distance(surface.position) <= near;
+        if found.positions.iter().any(is_near) {
+            Vec3::ZERO
+        } else {
+            *part
+        }
+    };
+    let parts = compared.receivers.iter().zip(direct.chunks(num + 1));
+    let direct: Vec<Vec3> = parts
+        .flat_map(|(at, parts)| parts.iter().zip(found).map(move |part| of_bulb(at, part)))
         .collect();
     let rows = rows(&direct, num, &luminances(&compared.known));
     let expected = Expected {
@@ -177,10 +198,10 @@ fn intensities(
         weight: WEIGHT,
     };
     let expected: BTreeMap<usize, Expected> = (0..num).map(|bulb| (bulb, expected)).collect();
-    let mut found = vec![Vec3::ZERO; num];
+    let mut intensities = vec![Vec3::ZERO; num];
     for _ in 0..NUM_ROUNDS {
         let more = direct.chunks(num).map(|parts| {
-            let parts = parts.iter().zip(&found);
+            let parts = parts.iter().zip(&intensities);
             parts
                 .map(|(part, intensity)| *part * *intensity)
                 .sum::<Vec3>()
@@ -190,12 +211,12 @@ fn intensities(
             let light = compared.channel(channel);
             let light = light.each_ref().map(Vec::as_slice);
             let fit = compared.fit((&segments, true), &rows, light, &expected);
-            for (bulb, intensity) in found.iter_mut().enumerate() {
+            for (bulb, intensity) in intensities.iter_mut().enumerate() {
                 intensity[channel] = fit.x[&bulb] as f32;
             }
         }
     }
-    Ok(found)
+    Ok(intensities)
 }
 
 #[cfg(test)]

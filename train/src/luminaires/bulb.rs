@@ -4,7 +4,7 @@ use super::places::{is_open, solid_angle};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::{Gaussian, Gaussians, Gloss};
 use eagpt_scene::{Lamp, LampShape};
-use glam::{Quat, Vec3};
+use glam::{Mat3, Quat, Vec3};
 use std::f32::consts::PI;
 
 /// Radius of the ball around a bulb that is open where its light leaves, in the reach of what hides
@@ -16,7 +16,14 @@ const RADIUS: f32 = 0.15;
 const SPACING: f32 = 0.1;
 const SECOND: f32 = 1.2;
 
-/// A bulb.
+/// Width of a strip in the reach, and in that the spacing of its discs, and the distance and the
+/// width of what closes it behind: little light passes between both.
+const WIDTH: f32 = 0.1;
+const SPACING_ACROSS: f32 = 0.5;
+const BEHIND: f32 = 0.05;
+const CLOSED: f32 = 2.0;
+
+/// A bulb, or a strip of them.
 pub(super) struct Bulb {
     /// It as a lamp, without a name.
     pub(super) lamp: Lamp,
@@ -57,6 +64,41 @@ impl Bulb {
         Self {
             lamp,
             discs: bulb.iter().chain(lining).collect(),
+        }
+    }
+}
+
+impl Bulb {
+    /// A flat strip of these ends that sends a radiant `intensity` along its `normal`, of which
+    /// nothing is seen from behind; `reach` is that of what hides it.
+    pub(super) fn strip([a, b]: [Vec3; 2], normal: Vec3, intensity: Vec3, reach: f32) -> Self {
+        let (axis, length) = ((b - a).normalize(), a.distance(b));
+        let across = normal.cross(axis);
+        let centre = 0.5 * (a + b);
+        let width = WIDTH * reach;
+        let area = length * width;
+        let radiance = intensity / area;
+        let side = |radiance, at, width_in_own: f32| {
+            let edges = [length * axis, width_in_own * width * across];
+            black(
+                Solid::Quad { centre: at, edges },
+                radiance,
+                Some(SPACING_ACROSS * width),
+            )
+            .discs()
+        };
+        let front = side(Some(radiance), centre, 1.0);
+        let back = side(None, centre - BEHIND * width * normal, CLOSED);
+        let rotation = Quat::from_mat3(&Mat3::from_cols(axis, across, normal));
+        let frame = (centre, rotation, Vec3::new(length, width, 0.0));
+        let lamp = Lamp {
+            one_sided: true,
+            num_gaussians: front.len(),
+            ..Lamp::unmeasured(LampShape::Panel, frame, (area, radiance))
+        };
+        Self {
+            lamp,
+            discs: front.iter().chain(back.iter()).collect(),
         }
     }
 }

@@ -13,6 +13,8 @@ use std::f32::consts::{PI, TAU};
 const REACH: f32 = 0.06;
 /// Distance of neighbouring places, in that.
 const SPACING: f32 = 0.4;
+/// Surfaces nearer to a place than this, in the reach, are of what hides it.
+pub(super) const NEAR: f32 = 0.5;
 /// Depths behind flat lamps, which may be openings of fixtures too narrow for these, in widths.
 const DEPTHS: [f32; 4] = [0.3, 0.6, 1.0, 1.5];
 /// Cameras that something near hides a place from, at least.
@@ -43,10 +45,22 @@ pub(super) struct Places {
     pub(super) reach: f32,
 }
 
+impl Places {
+    /// Distance of neighbouring places, scene units.
+    pub(super) fn spacing(&self) -> f32 {
+        SPACING * self.reach
+    }
+}
+
 /// The ring of a direction of this cosine to the upward one.
 pub(super) fn ring(cosine: f32) -> usize {
     let angle = cosine.clamp(-1.0, 1.0).acos();
     ((angle / PI * NUM_RINGS as f32) as usize).min(NUM_RINGS - 1)
+}
+
+/// Cosine of the middle of a ring to the upward direction.
+pub(super) fn cosine(ring: usize) -> f32 {
+    (PI * (ring as f32 + 0.5) / NUM_RINGS as f32).cos()
 }
 
 /// The half in which a ring is, 0 above, and its number from the end of that.

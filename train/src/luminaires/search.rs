@@ -7,7 +7,8 @@
 //! before.
 
 use super::gain::{Gain, Lit, Loss, WEIGHT};
-use super::places::{Place, Places, ring, side};
+use super::places::{NEAR, Places, cosine, ring, side};
+use super::strip;
 use crate::alike::{Compared, Expected, Fit, Row};
 use crate::error::Result;
 use crate::lamp_powers::luminances;
@@ -19,8 +20,6 @@ use std::f32::consts::PI;
 
 /// Receivers by which places are compared, about.
 const NUM_COMPARED: usize = 2000;
-/// Receivers nearer than this, in the reach of what hides a bulb, are of what hides it.
-const NEAR: f32 = 0.5;
 /// Distance to the next surface beyond a place, in the same: others are within something.
 const MARGIN: f32 = 0.15;
 /// Cosine to its normal at which a surface gets light, at least.
@@ -38,6 +37,8 @@ const MOST_REFUSED: usize = 6;
 const APART: f32 = 1.0;
 /// Gain of a place, in that of the best, at least, for it to be as good.
 const AS_GOOD: f64 = 0.7;
+/// What a strip explains in that of a bulb, at least.
+const BETTER: f64 = 1.5;
 /// Albedo that surfaces have at least, and share of those lit by a bulb that may have less.
 const LEAST_ALBEDO: f64 = 0.05;
 const DARKER: f64 = 0.25;
@@ -46,6 +47,8 @@ const DARKER: f64 = 0.25;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Found {
     pub(super) positions: Vec<Vec3>,
+    /// Whether they are a strip that is flat, and shines to one half as a diffuse surface does.
+    pub(super) is_strip: bool,
     /// Rings of the cone upwards and of that downwards; 0 where it is closed.
     pub(super) cones: [usize; 2],
     /// Radiant intensity in each.
@@ -73,10 +76,19 @@ struct State {
     rows: Vec<Row>,
 }
 
+/// Bulbs that were tried.
+#[derive(Default)]
+struct Tried {
+    positions: Vec<Vec3>,
+    /// Those that did not explain enough.
+    num_refused: usize,
+}
+
 /// A bulb that explains enough.
 struct Next {
     number: usize,
-    cones: [usize; 2],
+    /// It, without its intensities.
+    found: Found,
     /// Light of it and of those before, and their intensities.
     rows: Vec<Row>,
     fit: Fit,
@@ -92,7 +104,7 @@ impl Search<'_> {
         let step = num.div_ceil(NUM_COMPARED).max(1);
         let places = self.places.all.iter();
         let lit: Vec<Vec<Lit>> = places
-            .map(|place| self.lit(place, step))
+            .map(|place| self.lit((&place.positions, place.open), step))
             .collect::<Result<_>>()?;
         let known = luminances(&self.compared.known);
         let mut sorted = known.clone();
@@ -104,10 +116,10 @@ impl Search<'_> {
             more: vec![0.0; num],
             rows: vec![Row::new(); num],
         };
-        let (mut chosen, mut done, mut intensities) = (Vec::new(), Vec::new(), BTreeMap::new());
+        let (mut chosen, mut intensities) = (Vec::new(), BTreeMap::new());
+        let mut tried = Tried::default();
         while chosen.len() < MOST {
-            let most = chosen.len() + MOST_REFUSED;
-            let Some(next) = self.next(&state, (&lit, step), (&mut done, most))? else {
+            let Some(next) = self.next(&state, (&lit, step), &mut tried)? else {
                 break;
             };
             intensities = next.fit.x;
@@ -118,19 +130,17 @@ impl Search<'_> {
             };
             state.more = next.rows.iter().map(light).collect();
             state.rows = next.rows;
-            chosen.push((next.number, next.cones));
+            chosen.push((next.number, next.found));
         }
         let intensity = |source: usize| intensities.get(&source).copied().unwrap_or(0.0);
-        let found = chosen.into_iter().map(|(number, cones)| Found {
-            positions: self.places.all[number].positions.clone(),
-            cones,
+        let found = chosen.into_iter().map(|(number, found)| Found {
             intensities: [0, 1].map(|side| intensity(2 * number + side)),
+            ..found
         });
         Ok(found.collect())
     }
 
-    /// The bulb that explains most, if one of the best does enough; those that were tried, which may
-    /// become so many, are `done`.
+    /// The bulb that explains most, if one of the best that were not `tried` does enough.
     ///
     /// # Errors
     /// If the device fails.
@@ -138,29 +148,42 @@ impl Search<'_> {
         &self,
         state: &State,
         (lit, step): (&[Vec<Lit>], usize),
-        (done, most): (&mut Vec<Vec3>, usize),
+        tried: &mut Tried,
     ) -> Result<Option<Next>> {
         let more: Vec<Vec3> = state.more.iter().map(|m| Vec3::splat(*m as f32)).collect();
         let segments = self.compared.segments(&more);
         let before = self.fit(state, &segments, &state.rows).explained;
         let gains = state.gains(lit, (self.compared, &segments), step);
-        while done.len() < most {
-            let Some(&Gain { number, cones, .. }) = self.best(&gains, done) else {
+        while tried.num_refused < MOST_REFUSED {
+            let Some(best) = self.best(&gains, &tried.positions) else {
                 break;
             };
+            let (number, cones) = (best.number, best.cones);
             let place = &self.places.all[number];
-            done.extend(&place.positions);
-            let mut rows = state.rows.clone();
-            for lit in self.lit(place, 1)? {
-                let (side, order) = side(lit.ring);
-                if order < cones[side] {
-                    add(&mut rows[lit.receiver], 2 * number + side, lit.light);
-                }
-            }
-            for row in &mut rows {
-                row.sort_unstable_by_key(|(source, _)| *source);
-            }
-            let fit = self.fit(state, &segments, &rows);
+            let bulbs = Found {
+                positions: place.positions.clone(),
+                is_strip: false,
+                cones,
+                intensities: [0.0; 2],
+            };
+            let among = (self.tracer, self.places, gains.as_slice());
+            let strip = strip::through(among, best, self.up)?;
+            let strip = strip.map(|(positions, cones)| Found {
+                positions,
+                is_strip: true,
+                cones,
+                intensities: [0.0; 2],
+            });
+            let fitted = |found: Found| -> Result<_> {
+                let rows = self.rows(state, &found, number)?;
+                Ok((self.fit(state, &segments, &rows), rows, found))
+            };
+            let bulbs = fitted(bulbs)?;
+            let strip = strip.map(fitted).transpose()?;
+            let least = before + BETTER * (bulbs.0.explained - before);
+            let strip = strip.filter(|(fit, ..)| fit.explained >= least);
+            let (fit, rows, found) = strip.unwrap_or(bulbs);
+            tried.positions.extend(&found.positions);
             let least = match place.is_behind_lamp {
                 true => LEAST_BEHIND_LAMP,
                 false => LEAST_EXPLAINED,
@@ -168,11 +191,12 @@ impl Search<'_> {
             if fit.explained - before >= least {
                 return Ok(Some(Next {
                     number,
-                    cones,
+                    found,
                     rows,
                     fit,
                 }));
             }
+            tried.num_refused += 1;
         }
         Ok(None)
     }
@@ -209,14 +233,40 @@ impl Search<'_> {
         as_good().min_by(|a, b| off(a).total_cmp(&off(b))).copied()
     }
 
-    /// Every so many-th of the receivers, if a bulb at a place lights it.
+    /// Light of what was found and of what is now, as the source of this number.
     ///
     /// # Errors
     /// If the device fails.
-    fn lit(&self, place: &Place, step: usize) -> Result<Vec<Lit>> {
+    fn rows(&self, state: &State, found: &Found, number: usize) -> Result<Vec<Row>> {
+        let mut rows = state.rows.clone();
+        for lit in self.lit((&found.positions, found.cones), 1)? {
+            let share = if found.is_strip {
+                cosine(lit.ring).abs()
+            } else {
+                1.0
+            };
+            let (side, _) = side(lit.ring);
+            add(
+                &mut rows[lit.receiver],
+                2 * number + side,
+                share * lit.light,
+            );
+        }
+        for row in &mut rows {
+            row.sort_unstable_by_key(|(source, _)| *source);
+        }
+        Ok(rows)
+    }
+
+    /// Every so many-th of the receivers, if bulbs at these positions light it, within cones of so
+    /// many rings.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn lit(&self, (positions, open): (&[Vec3], [usize; 2]), step: usize) -> Result<Vec<Lit>> {
         let (mut rays, mut lit) = (Vec::new(), Vec::new());
         let receivers = self.compared.receivers.iter().enumerate().step_by(step);
-        let pairs = receivers.flat_map(|of| place.positions.iter().map(move |at| (of, *at)));
+        let pairs = receivers.flat_map(|of| positions.iter().map(move |at| (of, *at)));
         for ((receiver, (_, surface)), position) in pairs {
             let towards = position - surface.position;
             let distance = towards.length();
@@ -225,7 +275,7 @@ impl Search<'_> {
             let ring = ring(-direction.dot(self.up));
             let (side, order) = side(ring);
             let is_far = distance > NEAR * self.places.reach;
-            if is_far && cosine > GRAZING && order < place.open[side] {
+            if is_far && cosine > GRAZING && order < open[side] {
                 rays.push(surface.ray(direction));
                 let light = cosine / (PI * distance * distance);
                 lit.push((
