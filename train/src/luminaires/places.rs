@@ -169,8 +169,9 @@ fn behind(lamp: &Lamp, depth: f32) -> Vec3 {
     lamp.centre() + depth * 0.5 * (lamp.size[0] + lamp.size[1]) * back
 }
 
-/// Views that `cameras` have of `places`, `[places]`, which are seen where they are up to a distance
-/// behind a surface, and hidden by something near up to another; `up` is the unit vector upwards.
+/// Views that `cameras` have of `places`, `[places]`, which are seen where they are up to a
+/// distance behind a surface, and hidden by something near up to another; `up` is the unit vector
+/// upwards.
 ///
 /// # Errors
 /// If the device fails.

@@ -3,8 +3,8 @@
 //! The light of a bulb at a place leaves in two cones, upwards and downwards. Its gain, the part of
 //! the loss that it would explain ([`gain`](super::gain)), is told from the slope and the curvature
 //! of the loss of [`Compared::fit`] at a receiver's known light (orthogonal matching pursuit: Pati,
-//! Rezaiifar and Krishnaprasad 1993), and for the best of all it is fitted, with all that were found
-//! before.
+//! Rezaiifar and Krishnaprasad 1993), and for the best of all it is fitted, with all that were
+//! found before.
 
 use super::gain::{Gain, Lit, Loss, WEIGHT};
 use super::places::{NEAR, Places, cosine, ring, side};
@@ -15,7 +15,7 @@ use crate::lamp_powers::luminances;
 use crate::segments::Segments;
 use eagpt_trace::{Features, Tracer};
 use glam::Vec3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::PI;
 
 /// Receivers by which places are compared, about.
@@ -43,7 +43,7 @@ const BETTER: f64 = 1.5;
 const LEAST_ALBEDO: f64 = 0.05;
 const DARKER: f64 = 0.25;
 
-/// A bulb, or several of one make, and the halves of the sphere around it in which its light leaves.
+/// A bulb, or several of one make, and the halves of the sphere around it in which light leaves.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Found {
     pub(super) positions: Vec<Vec3>,
@@ -80,6 +80,8 @@ struct State {
 #[derive(Default)]
 struct Tried {
     positions: Vec<Vec3>,
+    /// Places of lamps of one make that do not explain enough together; one alone may.
+    makes: BTreeSet<usize>,
     /// Those that did not explain enough.
     num_refused: usize,
 }
@@ -155,7 +157,7 @@ impl Search<'_> {
         let before = self.fit(state, &segments, &state.rows).explained;
         let gains = state.gains(lit, (self.compared, &segments), step);
         while tried.num_refused < MOST_REFUSED {
-            let Some(best) = self.best(&gains, &tried.positions) else {
+            let Some(best) = self.best(&gains, tried) else {
                 break;
             };
             let (number, cones) = (best.number, best.cones);
@@ -183,12 +185,17 @@ impl Search<'_> {
             let least = before + BETTER * (bulbs.0.explained - before);
             let strip = strip.filter(|(fit, ..)| fit.explained >= least);
             let (fit, rows, found) = strip.unwrap_or(bulbs);
-            tried.positions.extend(&found.positions);
             let least = match place.is_behind_lamp {
                 true => LEAST_BEHIND_LAMP,
                 false => LEAST_EXPLAINED,
             };
-            if fit.explained - before >= least {
+            let is_enough = fit.explained - before >= least;
+            if is_enough || place.positions.len() == 1 {
+                tried.positions.extend(&found.positions);
+            } else {
+                tried.makes.insert(number);
+            }
+            if is_enough {
                 return Ok(Some(Next {
                     number,
                     found,
@@ -201,16 +208,19 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// The place of most gain that is not near one that is `done`; of several that are about as good
-    /// lamps of one make, or else the one in their middle, as a bulb is in a shade.
-    fn best<'g>(&self, gains: &'g [Gain], done: &[Vec3]) -> Option<&'g Gain> {
+    /// The place of most gain that is not near one that was `tried`; of several about as good lamps
+    /// of one make, or else the one in their middle, as a bulb is in a shade.
+    fn best<'g>(&self, gains: &'g [Gain], tried: &Tried) -> Option<&'g Gain> {
         let (all, reach) = (&self.places.all, self.places.reach);
         let positions = |of: &Gain| all[of.number].positions.as_slice();
         let is_near = |a: &[Vec3], b: &[Vec3], distance: f32| {
             let mut pairs = a.iter().flat_map(|a| b.iter().map(move |b| a.distance(*b)));
             pairs.any(|apart| apart < distance)
         };
-        let is_open = |of: &&Gain| !is_near(positions(of), done, APART * reach);
+        let is_open = |of: &&Gain| {
+            let is_done = is_near(positions(of), &tried.positions, APART * reach);
+            !is_done && !tried.makes.contains(&of.number)
+        };
         let open: Vec<&Gain> = gains.iter().filter(is_open).collect();
         let best = *(open.iter()).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         if best.gain <= 0.0 {

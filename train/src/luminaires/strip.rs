@@ -1,4 +1,4 @@
-//! Strips of light in coves: bulbs in a level row of hidden places, where one alone explains little.
+//! Strips of light in coves: bulbs in a level row of hidden places, of which one explains little.
 
 use super::gain::Gain;
 use super::places::{HALF, NEAR, Places};
