@@ -15,7 +15,7 @@ use crate::lamp_powers::luminances;
 use crate::segments::Segments;
 use eagpt_trace::{Features, Tracer};
 use glam::Vec3;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
 /// Receivers by which places are compared, about.
@@ -80,9 +80,9 @@ struct State {
 #[derive(Default)]
 struct Tried {
     positions: Vec<Vec3>,
-    /// Places of lamps of one make that do not explain enough together; one alone may.
-    makes: BTreeSet<usize>,
-    /// Those that did not explain enough.
+    /// Those of lamps of one make that do not explain enough together; one alone may.
+    of_makes: Vec<Vec3>,
+    /// Single ones that did not explain enough.
     num_refused: usize,
 }
 
@@ -190,11 +190,11 @@ impl Search<'_> {
                 false => LEAST_EXPLAINED,
             };
             let is_enough = fit.explained - before >= least;
-            if is_enough || place.positions.len() == 1 {
-                tried.positions.extend(&found.positions);
-            } else {
-                tried.makes.insert(number);
+            if !is_enough && place.positions.len() > 1 {
+                tried.of_makes.extend(&found.positions);
+                continue;
             }
+            tried.positions.extend(&found.positions);
             if is_enough {
                 return Ok(Some(Next {
                     number,
@@ -218,8 +218,9 @@ impl Search<'_> {
             pairs.any(|apart| apart < distance)
         };
         let is_open = |of: &&Gain| {
-            let is_done = is_near(positions(of), &tried.positions, APART * reach);
-            !is_done && !tried.makes.contains(&of.number)
+            let is_tried = |at: &[Vec3]| is_near(positions(of), at, APART * reach);
+            let is_make = positions(of).len() > 1;
+            !is_tried(&tried.positions) && !(is_make && is_tried(&tried.of_makes))
         };
         let open: Vec<&Gain> = gains.iter().filter(is_open).collect();
         let best = *(open.iter()).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
