@@ -220,7 +220,7 @@ impl Search<'_> {
         let is_open = |of: &&Gain| {
             let is_tried = |at: &[Vec3]| is_near(positions(of), at, APART * reach);
             let is_make = positions(of).len() > 1;
-            !is_tried(&tried.positions) && !(is_make && is_tried(&tried.of_makes))
+            !is_tried(&tried.positions) && (!is_make || !is_tried(&tried.of_makes))
         };
         let open: Vec<&Gain> = gains.iter().filter(is_open).collect();
         let best = *(open.iter()).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
