@@ -32,6 +32,12 @@ impl SceneEdit {
         self.moved.retain(|(i, _)| self.keep[*i as usize]);
     }
 
+    /// Leaves of `values`, `[n]`, those of Gaussians that stay.
+    pub fn retain<T>(&self, values: &mut Vec<T>) {
+        let mut keep = self.keep.iter();
+        values.retain(|_| *keep.next().unwrap_or(&false));
+    }
+
     /// Number of Gaussians after it.
     pub fn num_after(&self) -> usize {
         self.keep.iter().filter(|stays| **stays).count() + self.fixed.len()

@@ -147,10 +147,9 @@ impl Estimate {
         if self.gloss.is_empty() {
             return;
         }
-        let stays = || edit.keep.iter().copied();
-        retain(&mut self.gloss, stays());
-        retain(&mut self.is_bare, stays());
-        retain(&mut self.rotations, stays());
+        edit.retain(&mut self.gloss);
+        edit.retain(&mut self.is_bare);
+        edit.retain(&mut self.rotations);
         self.rotations.extend(&edit.fixed.rotations);
         self.gloss.resize(self.rotations.len(), Gloss::NONE);
         self.is_bare.resize(self.rotations.len(), false);
@@ -183,12 +182,6 @@ impl Estimate {
             surfaces: Vec::new(),
         }
     }
-}
-
-/// Keeps of `values` those that stay.
-fn retain<T>(values: &mut Vec<T>, stays: impl Iterator<Item = bool>) {
-    let mut stays = stays.fuse();
-    values.retain(|_| stays.next().unwrap_or(true));
 }
 
 /// Looks for glossy surfaces among the Gaussians of stage 0, by the photographs of `views`.

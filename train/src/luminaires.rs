@@ -19,7 +19,7 @@ use crate::bake::emits;
 use crate::error::Result;
 use crate::hidden_lamps::HiddenLamps;
 use crate::lamp_powers::{direct, luminances, rows};
-use bulb::Bulb;
+use bulb::{Bulb, Found};
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::median::median_of;
 use eagpt_scene::rng::RandomKey;
@@ -27,14 +27,12 @@ use eagpt_scene::{Camera, Gaussians, Lamp, LightGroups, SceneEdit};
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::{Device, Tracer};
 use glam::Vec3;
-use search::{Found, Search};
+use search::Search;
 use std::collections::BTreeMap;
 
 /// Radiance of surfaces that tell of bulbs, in parts of the median, at least: what is darker tells
 /// more of its shadows.
 const DARK: f32 = 0.2;
-/// Intensity in one half, in that of the other, at least, for it to be open.
-const LEAST_OF_HALF: f64 = 0.25;
 /// Depth behind a surface up to which a disc is of it, in the reach of what hides a bulb.
 const SHALLOW: f32 = 0.05;
 /// Weight of light that no view shows.
@@ -69,21 +67,10 @@ pub(crate) fn find(
         up,
     };
     let found = search.find()?;
-    let bulbs = |found: &Found, intensity: Vec3| -> Vec<Bulb> {
-        let cones = open(found);
-        if found.is_strip {
-            let ends = [
-                found.positions[0],
-                found.positions[found.positions.len() - 1],
-            ];
-            let normal = if cones[0] > 0 { up } else { -up };
-            let intensity = found.positions.len() as f32 * intensity;
-            return vec![Bulb::strip(ends, normal, intensity, reach)];
-        }
-        let bulb = |at: &Vec3| Bulb::new((*at, cones), intensity, (up, reach));
-        found.positions.iter().map(bulb).collect()
-    };
-    let dim: Vec<Vec<Bulb>> = found.iter().map(|of| bulbs(of, Vec3::ONE)).collect();
+    let around = (up, reach);
+    let dim: Vec<Vec<Bulb>> = (found.iter())
+        .map(|of| of.bulbs(Vec3::ONE, around))
+        .collect();
     let mut edit = SceneEdit::nothing(gaussians.len());
     let scene = (&*tracer, gaussians);
     for i in in_the_way(scene, &found, (cameras, up), reach)? {
@@ -95,7 +82,7 @@ pub(crate) fn find(
     let found = found.iter().zip(intensities);
     let bulbs: Vec<Bulb> = found
         .filter(|(_, intensity)| intensity.max_element() > 0.0)
-        .flat_map(|(found, intensity)| bulbs(found, intensity))
+        .flat_map(|(found, intensity)| found.bulbs(intensity, around))
         .collect();
     edit.fixed = bulbs.iter().flat_map(|bulb| bulb.discs.iter()).collect();
     Ok(HiddenLamps {
@@ -116,11 +103,10 @@ fn in_the_way(
 ) -> Result<impl Iterator<Item = usize>> {
     let is_within = |place: &Vec3| {
         found.iter().any(|of| {
-            let cones = open(of);
             of.positions.iter().any(|position| {
                 let offset = *place - *position;
                 let direction = offset.normalize_or_zero();
-                offset.length() < reach && places::is_open(direction.dot(up), cones)
+                offset.length() < reach && places::is_open(direction.dot(up), of.cones)
             })
         })
     };
@@ -130,17 +116,6 @@ fn in_the_way(
     let seen = places::seen(tracer, &at, cameras, SHALLOW * reach)?;
     let unseen = within.into_iter().zip(seen).filter(|(_, seen)| !seen);
     Ok(unseen.map(|(i, _)| i))
-}
-
-/// The cones in which light leaves.
-fn open(found: &Found) -> [usize; 2] {
-    let most = found.intensities[0].max(found.intensities[1]);
-    [0, 1].map(
-        |half| match found.intensities[half] >= LEAST_OF_HALF * most {
-            true => found.cones[half],
-            false => 0,
-        },
-    )
 }
 
 /// The radiant intensities of what was `found`, by its `bulbs` of intensity 1. Receivers up to

@@ -67,7 +67,7 @@ impl RunGloss {
         self.estimate.edit(edit);
     }
 
-    /// What a checkpoint holds of it.
+    /// Rows of it for a checkpoint.
     pub(super) fn rows(&self) -> Vec<[f32; NUM_OF_GLOSS]> {
         self.estimate.rows()
     }

@@ -1,9 +1,8 @@
-//! A bulb whose light leaves in cones.
+//! Bulbs whose light leaves in cones, and strips of light.
 
 use super::places::{is_open, solid_angle};
 use eagpt_scene::discs::{Material, Solid, Surface};
-use eagpt_scene::{Gaussian, Gaussians, Gloss};
-use eagpt_scene::{Lamp, LampShape};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Lamp, LampShape};
 use glam::{Mat3, Quat, Vec3};
 use std::f32::consts::PI;
 
@@ -15,13 +14,40 @@ const RADIUS: f32 = 0.15;
 /// lets some hundredths of the light through.
 const SPACING: f32 = 0.1;
 const SECOND: f32 = 1.2;
-
 /// Width of a strip in the reach, and in that the spacing of its discs, and the distance and the
 /// width of what closes it behind: little light passes between both.
 const WIDTH: f32 = 0.1;
 const SPACING_ACROSS: f32 = 0.5;
 const BEHIND: f32 = 0.05;
 const CLOSED: f32 = 2.0;
+
+/// A bulb that was found, or several of one make or along a strip.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Found {
+    pub(super) positions: Vec<Vec3>,
+    /// Whether they are a strip that is flat, and shines to one half as a diffuse surface does.
+    pub(super) is_strip: bool,
+    /// Rings of the cone upwards and of that downwards; 0 where it is closed.
+    pub(super) cones: [usize; 2],
+}
+
+impl Found {
+    /// Bulbs that send a radiant `intensity` from each position, or one strip; `up` is the unit
+    /// vector upwards, and `reach` that of what hides them.
+    pub(super) fn bulbs(&self, intensity: Vec3, (up, reach): (Vec3, f32)) -> Vec<Bulb> {
+        match &self.positions[..] {
+            [first, .., last] if self.is_strip => {
+                let normal = if self.cones[0] > 0 { up } else { -up };
+                let intensity = self.positions.len() as f32 * intensity;
+                vec![Bulb::strip([*first, *last], normal, intensity, reach)]
+            }
+            all => {
+                let bulb = |at: &Vec3| Bulb::new((*at, self.cones), intensity, (up, reach));
+                all.iter().map(bulb).collect()
+            }
+        }
+    }
+}
 
 /// A bulb, or a strip of them.
 pub(super) struct Bulb {
@@ -34,11 +60,7 @@ pub(super) struct Bulb {
 impl Bulb {
     /// One at a place of a total radiant `intensity`, that leaves in so many rings from above and
     /// from below; `up` is the unit vector upwards, and `reach` that of what hides it.
-    pub(super) fn new(
-        (centre, cones): (Vec3, [usize; 2]),
-        intensity: Vec3,
-        (up, reach): (Vec3, f32),
-    ) -> Self {
+    fn new((centre, cones): (Vec3, [usize; 2]), intensity: Vec3, (up, reach): (Vec3, f32)) -> Self {
         let lining = LINING * reach;
         let radius = RADIUS * lining;
         let area = 4.0 * PI * radius * radius;
@@ -66,12 +88,10 @@ impl Bulb {
             discs: bulb.iter().chain(lining).collect(),
         }
     }
-}
 
-impl Bulb {
     /// A flat strip of these ends that sends a radiant `intensity` along its `normal`, of which
     /// nothing is seen from behind; `reach` is that of what hides it.
-    pub(super) fn strip([a, b]: [Vec3; 2], normal: Vec3, intensity: Vec3, reach: f32) -> Self {
+    fn strip([a, b]: [Vec3; 2], normal: Vec3, intensity: Vec3, reach: f32) -> Self {
         let (axis, length) = ((b - a).normalize(), a.distance(b));
         let across = normal.cross(axis);
         let centre = 0.5 * (a + b);

@@ -6,6 +6,7 @@
 //! Rezaiifar and Krishnaprasad 1993), and for the best of all it is fitted, with all that were
 //! found before.
 
+use super::bulb::Found;
 use super::gain::{Gain, Lit, Loss, WEIGHT};
 use super::places::{NEAR, Places, cosine, ring, side};
 use super::strip;
@@ -20,7 +21,8 @@ use std::f32::consts::PI;
 
 /// Receivers by which places are compared, about.
 const NUM_COMPARED: usize = 2000;
-/// Distance to the next surface beyond a place, in the same: others are within something.
+/// Distance to the next surface beyond a place, in the reach of what hides a bulb: others are
+/// within something.
 const MARGIN: f32 = 0.15;
 /// Cosine to its normal at which a surface gets light, at least.
 const GRAZING: f32 = 0.02;
@@ -37,23 +39,13 @@ const MOST_REFUSED: usize = 6;
 const APART: f32 = 1.0;
 /// Gain of a place, in that of the best, at least, for it to be as good.
 const AS_GOOD: f64 = 0.7;
-/// What a strip explains in that of a bulb, at least.
+/// Part of the loss that a strip explains, in that of a bulb, at least.
 const BETTER: f64 = 1.5;
 /// Albedo that surfaces have at least, and share of those lit by a bulb that may have less.
 const LEAST_ALBEDO: f64 = 0.05;
 const DARKER: f64 = 0.25;
-
-/// A bulb, or several of one make, and the halves of the sphere around it in which light leaves.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Found {
-    pub(super) positions: Vec<Vec3>,
-    /// Whether they are a strip that is flat, and shines to one half as a diffuse surface does.
-    pub(super) is_strip: bool,
-    /// Rings of the cone upwards and of that downwards; 0 where it is closed.
-    pub(super) cones: [usize; 2],
-    /// Radiant intensity in each.
-    pub(super) intensities: [f64; 2],
-}
+/// Intensity in one half, in that of the other, at least, for it to be open.
+const LEAST_OF_HALF: f64 = 0.25;
 
 /// A search for bulbs at `places`, by the luminance of receivers.
 pub(super) struct Search<'a> {
@@ -89,7 +81,6 @@ struct Tried {
 /// A bulb that explains enough.
 struct Next {
     number: usize,
-    /// It, without its intensities.
     found: Found,
     /// Light of it and of those before, and their intensities.
     rows: Vec<Row>,
@@ -135,9 +126,15 @@ impl Search<'_> {
             chosen.push((next.number, next.found));
         }
         let intensity = |source: usize| intensities.get(&source).copied().unwrap_or(0.0);
-        let found = chosen.into_iter().map(|(number, found)| Found {
-            intensities: [0, 1].map(|side| intensity(2 * number + side)),
-            ..found
+        let found = chosen.into_iter().map(|(number, mut found)| {
+            let halves = [0, 1].map(|side| intensity(2 * number + side));
+            let least = LEAST_OF_HALF * halves[0].max(halves[1]);
+            for (rings, intensity) in found.cones.iter_mut().zip(halves) {
+                if intensity < least {
+                    *rings = 0;
+                }
+            }
+            found
         });
         Ok(found.collect())
     }
@@ -160,22 +157,15 @@ impl Search<'_> {
             let Some(best) = self.best(&gains, tried) else {
                 break;
             };
-            let (number, cones) = (best.number, best.cones);
+            let number = best.number;
             let place = &self.places.all[number];
             let bulbs = Found {
                 positions: place.positions.clone(),
                 is_strip: false,
-                cones,
-                intensities: [0.0; 2],
+                cones: best.cones,
             };
             let among = (self.tracer, self.places, gains.as_slice());
             let strip = strip::through(among, best, self.up)?;
-            let strip = strip.map(|(positions, cones)| Found {
-                positions,
-                is_strip: true,
-                cones,
-                intensities: [0.0; 2],
-            });
             let fitted = |found: Found| -> Result<_> {
                 let rows = self.rows(state, &found, number)?;
                 Ok((self.fit(state, &segments, &rows), rows, found))

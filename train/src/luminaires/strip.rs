@@ -1,5 +1,6 @@
 //! Strips of light in coves: bulbs in a level row of hidden places, of which one explains little.
 
+use super::bulb::Found;
 use super::gain::Gain;
 use super::places::{HALF, NEAR, Places};
 use crate::error::Result;
@@ -17,9 +18,8 @@ const LEAST_ON: f32 = 0.75;
 const LEAST_LENGTH: f32 = 3.0;
 const MOST_GAP: f32 = 6.0;
 
-/// Places of bulbs along the strip, spaced as places are, on which the place of `best` is, and the
-/// cones of its light, if hidden places of some gain are in a row and most of that lies on
-/// something; `up` is the unit vector upwards.
+/// The strip on which the place of `best` is, if hidden places of some gain are in a row and most
+/// of that lies on something; `up` is the unit vector upwards. Its positions are spaced as places.
 ///
 /// # Errors
 /// If the device fails.
@@ -27,8 +27,8 @@ pub(super) fn through(
     (tracer, places, gains): (&dyn Tracer, &Places, &[Gain]),
     best: &Gain,
     up: Vec3,
-) -> Result<Option<(Vec<Vec3>, [usize; 2])>> {
-    let Some(row) = row((places, gains), best, up) else {
+) -> Result<Option<Found>> {
+    let Some(positions) = row((places, gains), best, up) else {
         return Ok(None);
     };
     let (cones, behind) = match best.cones {
@@ -36,11 +36,15 @@ pub(super) fn through(
         _ => ([0, HALF], up),
     };
     let ray = |at: &Vec3| Ray::free(at.to_array(), behind.to_array());
-    let rays: Vec<Ray> = row.iter().map(ray).collect();
+    let rays: Vec<Ray> = positions.iter().map(ray).collect();
     let lies = |met: &&Features| met.alpha() >= 0.5 && met.mean_distance() <= NEAR * places.reach;
     let num_on = tracer.trace_rays(&rays)?.iter().filter(lies).count();
-    let lies = num_on as f32 >= LEAST_ON * row.len() as f32;
-    Ok(lies.then_some((row, cones)))
+    let is_strip = num_on as f32 >= LEAST_ON * positions.len() as f32;
+    Ok(is_strip.then_some(Found {
+        positions,
+        is_strip,
+        cones,
+    }))
 }
 
 /// The row of hidden places of some gain that the place of `best` is in.
@@ -119,9 +123,9 @@ mod tests {
         let gains: Vec<Gain> = (0..positions.len()).map(gain).collect();
         let tracer = Device::Cpu.scene(&shelf).unwrap();
         let found = through((&*tracer, &places, &gains), &gains[0], Vec3::Z).unwrap();
-        found.map(|(positions, cones)| {
-            assert_eq!(cones, [HALF, 0]);
-            positions
+        found.map(|found| {
+            assert_eq!(found.cones, [HALF, 0]);
+            found.positions
         })
     }
 

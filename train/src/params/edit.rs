@@ -31,20 +31,20 @@ impl ParameterState {
         let still_fixed = fixed_before.iter().filter(|stays| **stays).count();
         let fixed: Vec<Raw> = edit.fixed.iter().map(|g| raw_from_gaussian(&g)).collect();
         if !self.harmonics.is_empty() {
-            self.harmonics.retain(&edit.keep);
+            self.harmonics.retain(edit);
             (self.harmonics).append(&vec![[0.0; NUM_COEFFICIENTS]; fixed.len()]);
         }
-        self.raw.retain(&edit.keep);
+        self.raw.retain(edit);
         self.raw.append(&fixed);
         let light = light_rows(&fixed);
         let num = fixed.len();
         self.lights.for_each(
             |rows| {
-                rows.retain(&edit.keep);
+                rows.retain(edit);
                 rows.append(&light);
             },
             |rows| {
-                rows.retain(&edit.keep);
+                rows.retain(edit);
                 rows.append(&vec![[0.0; NUM_COEFFICIENTS]; num]);
             },
         );

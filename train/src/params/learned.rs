@@ -1,5 +1,6 @@
 //! Rows of numbers that Adam moves (Kingma and Ba 2015), with what it remembers of each.
 
+use eagpt_scene::SceneEdit;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
@@ -83,11 +84,10 @@ impl<const K: usize> Learned<K> {
         self.first[row] = [0.0; K];
     }
 
-    /// Leaves the rows of `keep`, `[n]`.
-    pub(super) fn retain(&mut self, keep: &[bool]) {
+    /// Leaves the rows of Gaussians that stay in an edit.
+    pub(super) fn retain(&mut self, edit: &SceneEdit) {
         for of in [&mut self.values, &mut self.first, &mut self.second] {
-            let mut keeps = keep.iter();
-            of.retain(|_| *keeps.next().unwrap_or(&false));
+            edit.retain(of);
         }
     }
 

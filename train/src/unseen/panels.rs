@@ -30,8 +30,8 @@ pub(super) struct UnseenCell {
     pub(super) emitted: Vec3,
 }
 
-/// The cells in a scene of `num_gaussians`: discs that reflect, and then those that shine; and a lamp of each set of
-/// cells that shine and are neighbours on a face.
+/// The cells in a scene of `num_gaussians`: discs that reflect, and then those that shine; and a
+/// lamp of each set of cells that shine and are neighbours on a face.
 pub(super) fn panels(
     (hull, num_gaussians): (&Hull, usize),
     cells: impl Iterator<Item = UnseenCell>,
