@@ -14,6 +14,7 @@ mod candidates;
 mod clear;
 mod evidence;
 mod fit;
+mod floaters;
 mod group;
 mod mount;
 mod parts;
@@ -25,6 +26,7 @@ pub mod shape;
 mod strays;
 
 pub use evidence::Evidence;
+pub use floaters::without_floaters;
 pub use mount::freed;
 pub use strays::{without_heaps, without_strays};
 

@@ -115,13 +115,13 @@ impl Suspect {
 }
 
 /// The lamps that are bare, and send their light to all sides.
-fn bare(lamps: &Lamps) -> impl Iterator<Item = &Lamp> {
+pub(crate) fn bare(lamps: &Lamps) -> impl Iterator<Item = &Lamp> {
     let lamps = lamps.lamps.iter();
     lamps.filter(|lamp| lamp.shape.is_solid() && !lamp.one_sided && lamp.shade == 0.0)
 }
 
 /// Distance from a lamp within which what is beside it lies.
-fn reach(lamp: &Lamp) -> f32 {
+pub(crate) fn reach(lamp: &Lamp) -> f32 {
     NEAR * Vec3::from(lamp.size).element_product().cbrt()
 }
 

@@ -6,6 +6,7 @@ mod check;
 mod fingerprint;
 mod finish;
 mod folder;
+mod free_lamps;
 mod gloss;
 mod glows;
 mod hidden_lamps;

@@ -10,7 +10,7 @@ use crate::luminous::{luminous, reach};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_lamps::{Evidence, Found, Kinds};
-use eagpt_scene::lamps::{Lamp, Lamps, read_lamps, write_lamps};
+use eagpt_scene::lamps::{Lamps, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, LampShape};
 use eagpt_trace::Tracer;
@@ -88,35 +88,6 @@ impl Run<'_> {
             num_gaussians: found.edit.num_after(),
         });
         Ok(())
-    }
-
-    /// Takes away what iterations have put before clean lamps since: before all of them, if these
-    /// are clean, or the bare ones.
-    pub(super) fn free_lamps(
-        &self,
-        backend: &mut dyn Backend,
-        views: &Views,
-        all: bool,
-    ) -> Result<()> {
-        let path = match (all, views.num_lights()) {
-            (false, _) => self.folder.bare_lamps(),
-            (true, 1) => self.folder.lamps(0),
-            (true, _) => self.folder.all_lamps()[1].clone(),
-        };
-        let lamps = read_lamps(&path)?;
-        if lamps.lamps.is_empty() {
-            return Ok(());
-        }
-        let (scene, num_moving) = moving(backend)?;
-        let eyes = |lamp: &Lamp| views.eyes(lamp).collect();
-        let mut edit = eagpt_lamps::freed(&scene, num_moving, &lamps, eyes);
-        let device = &self.request.device;
-        edit.take_out(&eagpt_lamps::without_strays(
-            device,
-            (&scene, num_moving),
-            &lamps,
-        )?);
-        backend.edit(&edit, &unlit(views))
     }
 
     /// Lets what is brighter than it can reflect near lamps emit, before albedos are to explain it,
@@ -242,6 +213,7 @@ pub(super) fn keep_emitting(path: &Path, scene: &Gaussians) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eagpt_scene::lamps::Lamp;
     use eagpt_testkit::gaussians::{material, sphere};
     use eagpt_testkit::lamps::boxed;
 

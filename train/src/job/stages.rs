@@ -154,6 +154,9 @@ impl Run<'_> {
             if frees {
                 self.free_lamps(backend, views, all_clean)?;
             }
+            if cleans || (all_clean && last) {
+                self.clear_floaters(backend, views)?;
+            }
             if shows {
                 let psnr_srgb_db = preview::write(&self.folder, backend, &shown, stage, iteration)?;
                 (self.progress)(TrainProgress::Preview {
