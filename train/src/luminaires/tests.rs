@@ -2,11 +2,13 @@ use super::*;
 use crate::alike::testing::in_cube;
 use crate::irradiance;
 use bulb::black;
-use eagpt_scene::Gaussian;
 use eagpt_scene::discs::Solid;
 use eagpt_scene::rng::Purpose;
+use eagpt_scene::{Gaussian, LampShape};
 use eagpt_testkit::gaussians::{cube, look_at, material};
 use eagpt_trace::transport::points::Points;
+use glam::Quat;
+use places::hidden;
 use std::f32::consts::{PI, TAU};
 
 /// Mean albedo of the walls, and what textures differ from it by.
@@ -121,4 +123,56 @@ fn what_an_uplighter_lights_tells_of_its_bulb() {
 #[test]
 fn where_no_light_is_missing_is_no_luminaire() {
     assert!(found(false).0.lamps.is_empty());
+}
+
+#[test]
+fn a_bulb_hidden_in_some_lamps_of_one_make_may_be_in_all() {
+    let places = |sides: [usize; 2]| {
+        let mut scene = cube(1.0, 0.08, |_| material(Vec3::ZERO, 0.0, Vec3::ONE));
+        let mut lamps = Vec::new();
+        for (x, num_sides) in [-0.4, 0.4].into_iter().zip(sides) {
+            let opening = Vec3::new(x, 0.0, 0.3);
+            let sides = [Vec3::X, Vec3::Y, -Vec3::X, -Vec3::Y];
+            for out in sides.into_iter().take(num_sides) {
+                let along = 0.12 * Vec3::new(-out.y, out.x, 0.0);
+                let centre = opening + 0.06 * out + 0.1 * Vec3::Z;
+                scene.extend(wall(centre, [along, 0.2 * Vec3::Z]).iter());
+            }
+            // Its front, +z, is turned downwards.
+            let frame = (opening, Quat::from_rotation_x(PI), Vec3::new(0.1, 0.1, 0.0));
+            lamps.push(Lamp {
+                one_sided: true,
+                ..Lamp::unmeasured(LampShape::Panel, frame, (0.01, Vec3::ONE))
+            });
+        }
+        let tracer = Device::Cpu.scene(&scene.into_iter().collect()).unwrap();
+        let camera = |k: u8| {
+            let (sin, cos) = (TAU * f32::from(k) / 16.0).sin_cos();
+            let eye = 0.9 * Vec3::new(cos, sin, 0.4);
+            look_at(eye.as_dvec3(), glam::DVec3::new(0.0, 0.0, 0.35), 96, 64)
+        };
+        let cameras: Vec<Camera> = (0..16).map(camera).collect();
+        let surfaces = [Vec3::splat(-1.0), Vec3::splat(1.0)];
+        let found = hidden(&*tracer, (&surfaces, &lamps), (&cameras, Vec3::Z)).unwrap();
+        let behind = found.all.into_iter().filter(|place| place.is_behind_lamp);
+        let positions: Vec<Vec<Vec3>> = behind.map(|place| place.positions).collect();
+        let num_single = |x: f32| {
+            let is_at = |of: &&Vec<Vec3>| of.len() == 1 && of[0].x * x > 0.0;
+            positions.iter().filter(is_at).count()
+        };
+        let num_sets = positions.iter().filter(|of| of.len() == 2).count();
+        ([num_single(-1.0), num_single(1.0)], num_sets)
+    };
+    let ([first, second], sets) = places([4, 4]);
+    assert!(
+        first > 0 && second > 0 && sets > 0,
+        "{first} {second} {sets}"
+    );
+    // One side of the second is missing.
+    let ([first, second], sets) = places([4, 3]);
+    assert!(
+        first > 0 && second == 0 && sets >= first,
+        "{first} {second} {sets}"
+    );
+    assert_eq!(places([3, 3]), ([0, 0], 0));
 }
