@@ -21,6 +21,8 @@ const FARTHER: f32 = 0.1;
 const SHARE_TOLD: f32 = 0.8;
 /// Opaque pixels' worth of weight in all views, below which nothing is known of a disc.
 const LEAST_WEIGHT: f32 = 0.05;
+/// Most cameras that are asked, of those towards which a disc may be.
+const MOST_CAMERAS: usize = 32;
 /// Most times that discs are left out, without those that pixels told of before.
 const MOST_TIMES: usize = 3;
 
@@ -48,33 +50,35 @@ pub fn without_floaters(
     if edit.keep.iter().all(|stays| *stays) {
         return Ok(edit.keep);
     }
+    let left_out = (gaussians.positions.iter().zip(&edit.keep)).filter(|(_, stays)| !**stays);
+    let places: Vec<Vec3> = left_out.map(|(place, _)| *place).collect();
+    let mut cameras = towards(&places, cameras);
     let scene = device.scene(gaussians)?;
-    let mut cameras: Vec<Camera> = cameras.to_vec();
     for _ in 0..MOST_TIMES {
         let rest = device.scene(&edit.applied(gaussians))?;
-        let mut weight = vec![0.0_f32; gaussians.len()];
-        let mut told = vec![0.0_f32; gaussians.len()];
+        let mut seen = vec![Seen::default(); gaussians.len()];
         let mut showing = Vec::with_capacity(cameras.len());
         for camera in cameras {
             let without = rest.gbuffer(&camera)?;
             let value =
                 |pixel: usize, with: &Features| f32::from(tells(with, &without.pixels[pixel]));
             let (_, contributions) = scene.contributions(&camera, &value)?;
-            let mut shows = false;
-            for c in contributions {
-                let i = c.gaussian as usize;
-                weight[i] += c.weight;
-                told[i] += c.weighted_value;
-                shows |= !edit.keep[i];
+            for c in &contributions {
+                let seen = &mut seen[c.gaussian as usize];
+                seen.weight += c.weight;
+                seen.told += c.weighted_value;
             }
-            if shows {
+            if contributions
+                .iter()
+                .any(|c| !edit.keep[c.gaussian as usize])
+            {
                 showing.push(camera);
             }
         }
         cameras = showing;
         let mut is_over = true;
-        for (i, keep) in edit.keep.iter_mut().enumerate().filter(|(_, keep)| !**keep) {
-            *keep = weight[i] < LEAST_WEIGHT || told[i] > SHARE_TOLD * weight[i];
+        for (keep, seen) in edit.keep.iter_mut().zip(seen).filter(|(keep, _)| !**keep) {
+            *keep = seen.stays();
             is_over &= !*keep;
         }
         if is_over {
@@ -82,6 +86,32 @@ pub fn without_floaters(
         }
     }
     Ok(edit.keep)
+}
+
+/// Cameras that have some of the `places` in their pictures, at most [`MOST_CAMERAS`].
+fn towards(places: &[Vec3], cameras: &[Camera]) -> Vec<Camera> {
+    let has = |camera: &Camera| {
+        let mut places = places.iter();
+        places.any(|place| camera.is_in_picture(camera.project(*place)))
+    };
+    let all: Vec<&Camera> = cameras.iter().filter(|camera| has(camera)).collect();
+    let num = all.len().min(MOST_CAMERAS);
+    (0..num).map(|i| *all[i * all.len() / num]).collect()
+}
+
+/// Weight of a disc in pixels.
+#[derive(Debug, Clone, Copy, Default)]
+struct Seen {
+    /// In all, and …
+    weight: f32,
+    /// … in those that tell.
+    told: f32,
+}
+
+impl Seen {
+    fn stays(&self) -> bool {
+        self.weight < LEAST_WEIGHT || self.told > SHARE_TOLD * self.weight
+    }
 }
 
 /// Whether a pixel is another without discs, or what it shows then is as near.

@@ -234,6 +234,8 @@ pub struct LampOptions {
 
 /// Share of the iterations of stage 0 between two times that clean lamps are freed.
 const FREED_EVERY: f64 = 0.025;
+/// The same for floaters beside them, which take longer to find.
+const CLEARED_EVERY: f64 = 0.2;
 
 impl LampOptions {
     /// Whether small bare lamps become clean after `iteration` of `total`.
@@ -255,10 +257,28 @@ impl LampOptions {
     /// Whether what has come to stand before clean lamps since goes after `iteration` of `total`:
     /// now and then, so that what is around can make up for it, and at the end.
     pub fn is_freed(&self, iteration: u32, total: u32) -> bool {
-        let every = ((FREED_EVERY * f64::from(total)).round() as u32).max(1);
-        let is_time = iteration == total || iteration.is_multiple_of(every);
-        self.clean && is_time && iteration > due(self.bare_after.min(self.after), total)
+        self.clean && iteration > self.first(total) && is_time(FREED_EVERY, iteration, total)
     }
+
+    /// Whether floaters beside clean lamps go after `iteration` of `total`: when lamps become clean,
+    /// now and then, and at the end.
+    pub fn is_cleared(&self, iteration: u32, total: u32) -> bool {
+        let becomes = iteration == self.first(total) || iteration == due(self.after, total);
+        let is_time = becomes || is_time(CLEARED_EVERY, iteration, total);
+        self.clean && iteration >= self.first(total) && is_time
+    }
+
+    /// The iteration of `total` after which the first lamps become clean.
+    fn first(&self, total: u32) -> u32 {
+        due(self.bare_after.min(self.after), total)
+    }
+}
+
+/// Whether `iteration` is the last of `total` or one of those that are so far apart, in parts of
+/// all.
+fn is_time(every: f64, iteration: u32, total: u32) -> bool {
+    let every = ((every * f64::from(total)).round() as u32).max(1);
+    iteration == total || iteration.is_multiple_of(every)
 }
 
 /// The iteration of `total` after a `share` of them.

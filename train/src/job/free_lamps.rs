@@ -7,7 +7,7 @@ use crate::backend::Backend;
 use crate::error::Result;
 use crate::views::Views;
 use eagpt_scene::SceneEdit;
-use eagpt_scene::lamps::{Lamp, read_lamps};
+use eagpt_scene::lamps::{Lamp, Lamps, read_lamps};
 
 impl Run<'_> {
     /// Takes away what iterations have put before clean lamps since: before all of them, if these
@@ -18,12 +18,7 @@ impl Run<'_> {
         views: &Views,
         all: bool,
     ) -> Result<()> {
-        let path = match (all, views.num_lights()) {
-            (false, _) => self.folder.bare_lamps(),
-            (true, 1) => self.folder.lamps(0),
-            (true, _) => self.folder.all_lamps()[1].clone(),
-        };
-        let lamps = read_lamps(&path)?;
+        let lamps = self.clean_ones(views, all)?;
         if lamps.lamps.is_empty() {
             return Ok(());
         }
@@ -39,12 +34,17 @@ impl Run<'_> {
         backend.edit(&edit, &unlit(views))
     }
 
-    /// Takes away discs beside the clean lamps of views in one light that no picture tells of.
-    pub(super) fn clear_floaters(&self, backend: &mut dyn Backend, views: &Views) -> Result<()> {
-        if views.num_lights() > 1 {
+    /// Takes away the discs beside clean lamps, all or the bare ones, that no picture tells of.
+    pub(super) fn clear_floaters(
+        &self,
+        backend: &mut dyn Backend,
+        views: &Views,
+        all: bool,
+    ) -> Result<()> {
+        let lamps = self.clean_ones(views, all)?;
+        if lamps.lamps.is_empty() {
             return Ok(());
         }
-        let lamps = read_lamps(&self.folder.lamps(0))?;
         let (scene, num_moving) = moving(backend)?;
         let cameras = views.cameras();
         let device = &self.request.device;
@@ -54,5 +54,15 @@ impl Run<'_> {
             ..SceneEdit::default()
         };
         backend.edit(&edit, &unlit(views))
+    }
+
+    /// The lamps that are clean: all, or the bare ones alone.
+    fn clean_ones(&self, views: &Views, all: bool) -> Result<Lamps> {
+        let path = match (all, views.num_lights()) {
+            (false, _) => self.folder.bare_lamps(),
+            (true, 1) => self.folder.lamps(0),
+            (true, _) => self.folder.all_lamps()[1].clone(),
+        };
+        Ok(read_lamps(&path)?)
     }
 }

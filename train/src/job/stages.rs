@@ -131,8 +131,9 @@ impl Run<'_> {
             let cleans_bare = has_bare && lamps.is_due_for_bare(iteration, total);
             let all_clean = stage == Stage::Radiance && lamps.is_done(iteration, total);
             let frees = (all_clean || has_bare) && lamps.is_freed(iteration, total);
+            let clears = has_bare && lamps.is_cleared(iteration, total);
             let is_watched = self.is_watched_now();
-            let edits = splits.is_some() || cleans_bare || cleans || frees;
+            let edits = splits.is_some() || cleans_bare || cleans || frees || clears;
             if stores || shows || edits || is_watched {
                 for step in backend.finish()? {
                     self.note(&mut log, position, total, &step)?;
@@ -154,8 +155,8 @@ impl Run<'_> {
             if frees {
                 self.free_lamps(backend, views, all_clean)?;
             }
-            if cleans || (all_clean && last) {
-                self.clear_floaters(backend, views)?;
+            if clears {
+                self.clear_floaters(backend, views, all_clean)?;
             }
             if shows {
                 let psnr_srgb_db = preview::write(&self.folder, backend, &shown, stage, iteration)?;

@@ -250,6 +250,7 @@ mod tests {
         assert_eq!(at(&|i| lamps.is_due(i, 80)), [72]);
         let every_second: Vec<u32> = (42..=80).step_by(2).collect();
         assert_eq!(at(&|i| lamps.is_freed(i, 80)), every_second);
+        assert_eq!(at(&|i| lamps.is_cleared(i, 80)), [40, 48, 64, 72, 80]);
         assert!(!lamps.is_done(71, 80) && lamps.is_done(72, 80));
         // Where all are clean first, no bare ones are looked for.
         let late = LampOptions {
@@ -261,7 +262,8 @@ mod tests {
             clean: false,
             ..lamps
         };
-        let is_any = |i| off.is_due(i, 80) || off.is_freed(i, 80) || off.is_due_for_bare(i, 80);
+        let is_clean = |i| off.is_due(i, 80) || off.is_due_for_bare(i, 80);
+        let is_any = |i| is_clean(i) || off.is_freed(i, 80) || off.is_cleared(i, 80);
         assert!(!(1..=80).any(is_any));
     }
 
