@@ -13,7 +13,7 @@ use eagpt_trace::{Device, Features, TraceError};
 use glam::Vec3;
 
 /// A pixel tells of the discs in it if it is lighter or darker without them by this part …
-const LEAST_CHANGE: f32 = 0.2;
+const LEAST_CHANGE: f32 = 0.15;
 /// … or if what it shows then is not farther by this part: layers of one wall are alike.
 const FARTHER: f32 = 0.1;
 /// A disc with this share of its weight in such pixels is no floater: of a floater some lie in
@@ -43,10 +43,7 @@ pub fn without_floaters(
             || gaussians.emissions[i] > EMISSION_THRESHOLD
             || !is_beside(gaussians.positions[i])
     };
-    let mut edit = SceneEdit {
-        keep: (0..gaussians.len()).map(stays).collect(),
-        ..SceneEdit::default()
-    };
+    let mut edit = SceneEdit::keeping((0..gaussians.len()).map(stays).collect());
     if edit.keep.iter().all(|stays| *stays) {
         return Ok(edit.keep);
     }

@@ -18,8 +18,13 @@ pub struct SceneEdit {
 impl SceneEdit {
     /// An edit of `num_gaussians` that changes nothing.
     pub fn nothing(num_gaussians: usize) -> Self {
+        Self::keeping(vec![true; num_gaussians])
+    }
+
+    /// An edit that leaves the Gaussians to `keep`, `[n]`, as they are.
+    pub fn keeping(keep: Vec<bool>) -> Self {
         Self {
-            keep: vec![true; num_gaussians],
+            keep,
             ..Self::default()
         }
     }

@@ -39,11 +39,7 @@ impl Run<'_> {
         let (scene, num_moving) = moving(backend)?;
         let is_at_surface = cloud.near_points();
         let keep = eagpt_lamps::without_heaps((&scene, num_moving), &found.lamps, is_at_surface);
-        let edit = SceneEdit {
-            keep,
-            ..SceneEdit::default()
-        };
-        backend.edit(&edit, &unlit(views))
+        backend.edit(&SceneEdit::keeping(keep), &unlit(views))
     }
 
     /// The bare lamps that are clean and their discs, without those that mirrors show, which go.

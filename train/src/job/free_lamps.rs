@@ -6,8 +6,9 @@ use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
 use crate::views::Views;
-use eagpt_scene::SceneEdit;
 use eagpt_scene::lamps::{Lamp, Lamps, read_lamps};
+use eagpt_scene::{Gaussians, SceneEdit};
+use eagpt_trace::TraceError;
 
 impl Run<'_> {
     /// Takes away what iterations have put before clean lamps since: before all of them, if these
@@ -18,20 +19,13 @@ impl Run<'_> {
         views: &Views,
         all: bool,
     ) -> Result<()> {
-        let lamps = self.clean_ones(views, all)?;
-        if lamps.lamps.is_empty() {
-            return Ok(());
-        }
-        let (scene, num_moving) = moving(backend)?;
-        let eyes = |lamp: &Lamp| views.eyes(lamp).collect();
-        let mut edit = eagpt_lamps::freed(&scene, num_moving, &lamps, eyes);
         let device = &self.request.device;
-        edit.take_out(&eagpt_lamps::without_strays(
-            device,
-            (&scene, num_moving),
-            &lamps,
-        )?);
-        backend.edit(&edit, &unlit(views))
+        let eyes = |lamp: &Lamp| views.eyes(lamp).collect();
+        self.edit_beside(backend, (views, all), |scene, lamps| {
+            let mut edit = eagpt_lamps::freed(scene.0, scene.1, lamps, eyes);
+            edit.take_out(&eagpt_lamps::without_strays(device, scene, lamps)?);
+            Ok(edit)
+        })
     }
 
     /// Takes away the discs beside clean lamps, all or the bare ones, that no picture tells of.
@@ -41,28 +35,31 @@ impl Run<'_> {
         views: &Views,
         all: bool,
     ) -> Result<()> {
-        let lamps = self.clean_ones(views, all)?;
-        if lamps.lamps.is_empty() {
-            return Ok(());
-        }
-        let (scene, num_moving) = moving(backend)?;
-        let cameras = views.cameras();
         let device = &self.request.device;
-        let keep = eagpt_lamps::without_floaters(device, (&scene, num_moving), &lamps, &cameras)?;
-        let edit = SceneEdit {
-            keep,
-            ..SceneEdit::default()
-        };
-        backend.edit(&edit, &unlit(views))
+        let cameras = views.cameras();
+        self.edit_beside(backend, (views, all), |scene, lamps| {
+            eagpt_lamps::without_floaters(device, scene, lamps, &cameras).map(SceneEdit::keeping)
+        })
     }
 
-    /// The lamps that are clean: all, or the bare ones alone.
-    fn clean_ones(&self, views: &Views, all: bool) -> Result<Lamps> {
+    /// Edits the scene, given with the number of its Gaussians that are not fixed, around the lamps
+    /// that are clean, if there are any: all, or the bare ones.
+    fn edit_beside(
+        &self,
+        backend: &mut dyn Backend,
+        (views, all): (&Views, bool),
+        edit: impl Fn((&Gaussians, usize), &Lamps) -> Result<SceneEdit, TraceError>,
+    ) -> Result<()> {
         let path = match (all, views.num_lights()) {
             (false, _) => self.folder.bare_lamps(),
             (true, 1) => self.folder.lamps(0),
             (true, _) => self.folder.all_lamps()[1].clone(),
         };
-        Ok(read_lamps(&path)?)
+        let lamps = read_lamps(&path)?;
+        if lamps.lamps.is_empty() {
+            return Ok(());
+        }
+        let (scene, num_moving) = moving(backend)?;
+        backend.edit(&edit((&scene, num_moving), &lamps)?, &unlit(views))
     }
 }
