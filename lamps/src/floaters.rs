@@ -13,7 +13,7 @@ use eagpt_trace::{Device, Features, TraceError};
 use glam::Vec3;
 
 /// A pixel tells of the discs in it if it is lighter or darker without them by this part …
-const LEAST_CHANGE: f32 = 0.15;
+const LEAST_CHANGE: f32 = 0.2;
 /// … or if what it shows then is not farther by this part: layers of one wall are alike.
 const FARTHER: f32 = 0.1;
 /// A disc with this share of its weight in such pixels is no floater: of a floater some lie in
