@@ -5,6 +5,7 @@ use crate::terminal;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use eagpt_scene::dataset::{Frame, UpAxis};
+use eagpt_scene::spread::evenly;
 use eagpt_scene::tonemap::{Display, ToneMap};
 use eagpt_scene::{Dataset, Gaussians, Lamps, LightBasis, lamps, light_basis};
 use eagpt_viewer::pack::Pack;
@@ -235,10 +236,7 @@ fn fitting_lights(path: &Path, scene: &Path, gaussians: &Gaussians) -> Result<Li
 fn read_views(dataset: &Dataset, args: &PageArgs) -> Result<Vec<PageView>> {
     let frames = dataset.frames();
     let chosen: Vec<&Frame> = if args.views.is_empty() {
-        let num = frames
-            .len()
-            .min(args.max_views.unwrap_or(DEFAULT_VIEWS) as usize);
-        (0..num).map(|i| &frames[i * frames.len() / num]).collect()
+        evenly(frames, args.max_views.unwrap_or(DEFAULT_VIEWS) as usize).collect()
     } else {
         let named = |name: &String| {
             let found = frames.iter().find(|frame| frame.name == *name);

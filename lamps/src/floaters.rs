@@ -4,11 +4,11 @@
 //! colour of the wall costs stage 0 nothing, but keeps the light of the lamp from the room. Without
 //! it the pictures are the same: nothing tells of it, and it goes.
 
-use crate::strays::{bare, reach};
+use crate::strays::beside;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::Lamps;
+use eagpt_scene::spread::evenly;
 use eagpt_scene::{Camera, Gaussians, SceneEdit};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, Features, TraceError};
 use glam::Vec3;
 
@@ -26,31 +26,27 @@ const MOST_CAMERAS: usize = 32;
 /// Most times that discs are left out, without those that pixels told of before.
 const MOST_TIMES: usize = 3;
 
-/// Whether each of `gaussians` stays, `[n]`. Of others, among the first `num_moving`, which are
-/// beside bare `lamps` and do not emit, no picture of the `cameras` tells.
+/// Whether each of the Gaussians of `scene` stays, `[n]`, which comes with the number of those that
+/// are not fixed. Of others, which are beside bare `lamps`, no picture of the `cameras` tells.
 ///
 /// # Errors
 /// If the device fails.
 pub fn without_floaters(
     device: &Device,
-    (gaussians, num_moving): (&Gaussians, usize),
+    scene: (&Gaussians, usize),
     lamps: &Lamps,
     cameras: &[Camera],
 ) -> Result<Vec<bool>, TraceError> {
-    let is_beside = |place: Vec3| bare(lamps).any(|lamp| lamp.distance(place) <= reach(lamp));
-    let stays = |i: usize| {
-        i >= num_moving
-            || gaussians.emissions[i] > EMISSION_THRESHOLD
-            || !is_beside(gaussians.positions[i])
-    };
-    let mut edit = SceneEdit::keeping((0..gaussians.len()).map(stays).collect());
+    let is_beside = beside(scene, lamps);
+    let gaussians = scene.0;
+    let mut edit = SceneEdit::keeping((0..gaussians.len()).map(|i| !is_beside(i)).collect());
     if edit.keep.iter().all(|stays| *stays) {
         return Ok(edit.keep);
     }
     let left_out = (gaussians.positions.iter().zip(&edit.keep)).filter(|(_, stays)| !**stays);
     let places: Vec<Vec3> = left_out.map(|(place, _)| *place).collect();
     let mut cameras = towards(&places, cameras);
-    let scene = device.scene(gaussians)?;
+    let whole = device.scene(gaussians)?;
     for _ in 0..MOST_TIMES {
         let rest = device.scene(&edit.applied(gaussians))?;
         let mut seen = vec![Seen::default(); gaussians.len()];
@@ -59,7 +55,7 @@ pub fn without_floaters(
             let without = rest.gbuffer(&camera)?;
             let value =
                 |pixel: usize, with: &Features| f32::from(tells(with, &without.pixels[pixel]));
-            let (_, contributions) = scene.contributions(&camera, &value)?;
+            let (_, contributions) = whole.contributions(&camera, &value)?;
             for c in &contributions {
                 let seen = &mut seen[c.gaussian as usize];
                 seen.weight += c.weight;
@@ -92,8 +88,7 @@ fn towards(places: &[Vec3], cameras: &[Camera]) -> Vec<Camera> {
         places.any(|place| camera.is_in_picture(camera.project(*place)))
     };
     let all: Vec<&Camera> = cameras.iter().filter(|camera| has(camera)).collect();
-    let num = all.len().min(MOST_CAMERAS);
-    (0..num).map(|i| *all[i * all.len() / num]).collect()
+    evenly(&all, MOST_CAMERAS).map(|camera| **camera).collect()
 }
 
 /// Weight of a disc in pixels.
@@ -129,11 +124,11 @@ mod tests {
 
     const WALL: f32 = 0.5;
 
-    /// A disc of an upright board at distance `y`, `half` wide to its sides.
-    fn disc(at: Vec3, half: f32, radiance: f32) -> Gaussian {
+    /// An upright disc, towards −y, of standard deviation `scale`.
+    fn disc(at: Vec3, scale: f32, radiance: f32) -> Gaussian {
         Gaussian {
             position: at,
-            scale: Vec2::splat(half),
+            scale: Vec2::splat(scale),
             rotation: Quat::from_rotation_arc(Vec3::Z, Vec3::NEG_Y),
             ..material(Vec3::splat(radiance), 0.0, Vec3::splat(0.5))
         }

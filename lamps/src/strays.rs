@@ -31,16 +31,23 @@ pub fn without_heaps(
     lamps: &Lamps,
     is_at_surface: impl Fn(Vec3) -> bool,
 ) -> Vec<bool> {
-    let bare: Vec<&Lamp> = bare(lamps).collect();
-    let stays = |i: usize| {
-        let position = gaussians.positions[i];
-        let is_beside = |lamp: &&Lamp| lamp.distance(position) <= reach(lamp);
-        i >= num_moving
-            || gaussians.emissions[i] > EMISSION_THRESHOLD
-            || !bare.iter().any(is_beside)
-            || is_at_surface(position)
-    };
+    let is_beside = beside((gaussians, num_moving), lamps);
+    let stays = |i: usize| !is_beside(i) || is_at_surface(gaussians.positions[i]);
     (0..gaussians.len()).map(stays).collect()
+}
+
+/// Tells of Gaussians by their index whether they are beside bare `lamps`, among the first
+/// `num_moving`, and do not emit.
+pub(crate) fn beside<'a>(
+    (gaussians, num_moving): (&'a Gaussians, usize),
+    lamps: &'a Lamps,
+) -> impl Fn(usize) -> bool + 'a {
+    let bare: Vec<&Lamp> = bare(lamps).collect();
+    move |i| {
+        let position = gaussians.positions[i];
+        let is_near = |lamp: &&Lamp| lamp.distance(position) <= reach(lamp);
+        i < num_moving && gaussians.emissions[i] <= EMISSION_THRESHOLD && bare.iter().any(is_near)
+    }
 }
 
 /// Whether each of `gaussians` stays, `[n]`. Of others, among the first `num_moving`, which are not
@@ -115,13 +122,13 @@ impl Suspect {
 }
 
 /// The lamps that are bare, and send their light to all sides.
-pub(crate) fn bare(lamps: &Lamps) -> impl Iterator<Item = &Lamp> {
+fn bare(lamps: &Lamps) -> impl Iterator<Item = &Lamp> {
     let lamps = lamps.lamps.iter();
     lamps.filter(|lamp| lamp.shape.is_solid() && !lamp.one_sided && lamp.shade == 0.0)
 }
 
 /// Distance from a lamp within which what is beside it lies.
-pub(crate) fn reach(lamp: &Lamp) -> f32 {
+fn reach(lamp: &Lamp) -> f32 {
     NEAR * Vec3::from(lamp.size).element_product().cbrt()
 }
 

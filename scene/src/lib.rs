@@ -34,6 +34,7 @@ pub mod rotation;
 mod scene_edit;
 pub mod script;
 pub mod shard;
+pub mod spread;
 pub mod tonemap;
 pub mod words;
 

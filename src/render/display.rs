@@ -4,6 +4,7 @@ use crate::command_line;
 use anyhow::Result;
 use clap::Args;
 use eagpt_render::Shot;
+use eagpt_scene::spread::evenly;
 use eagpt_scene::tonemap::{Display, ExposureMeter, ToneMap};
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use serde::Serialize;
@@ -83,7 +84,7 @@ impl DisplayArgs {
             Exposure::Stops(stops) => stops,
             Exposure::Auto => {
                 let mut meter = ExposureMeter::default();
-                for shot in spread(shots) {
+                for shot in evenly(shots, MAX_METERED) {
                     let camera = &shot.camera;
                     let [width, height] =
                         [camera.width, camera.height].map(|size| size.div_ceil(METER_REDUCTION));
@@ -98,10 +99,4 @@ impl DisplayArgs {
             tone_map: self.tone_map,
         })
     }
-}
-
-/// At most [`MAX_METERED`] of `shots`, evenly spread.
-fn spread(shots: &[Shot]) -> impl Iterator<Item = &Shot> {
-    let num = shots.len().min(MAX_METERED);
-    (0..num).map(move |i| &shots[i * shots.len() / num])
 }

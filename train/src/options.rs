@@ -6,8 +6,10 @@
 mod arguments;
 mod layers;
 mod presets;
+mod schedule;
 
 pub use arguments::OptionArgs;
+pub use schedule::{DensifyOptions, LampOptions};
 
 use crate::error::Result;
 use crate::init::agreement;
@@ -215,116 +217,6 @@ pub struct RadianceOptions {
     /// Whether mirrors are looked for when lamps become clean, and become surfaces that reflect the
     /// room (crate `eagpt-mirrors`), in place of another room behind a wall.
     pub mirrors: bool,
-}
-
-/// Lamps as clean surfaces of known power (crate `eagpt-lamps`), in place of the heaps of discs
-/// that training makes of them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LampOptions {
-    /// Whether lamps become clean; in the paper they stay as they were trained.
-    pub clean: bool,
-    /// Share of the iterations after which small bare ones do, 0 to 1: before heaps of discs have
-    /// gathered about them. Of several lights none do then.
-    pub bare_after: f32,
-    /// Share of the iterations after which all do, 0 to 1: geometry has to be right by then, and
-    /// what is around them has to fit them afterwards.
-    pub after: f32,
-}
-
-/// Share of the iterations of stage 0 between two times that clean lamps are freed.
-const FREED_EVERY: f64 = 0.025;
-/// The same for floaters beside them, which take longer to find.
-const CLEARED_EVERY: f64 = 0.2;
-
-impl LampOptions {
-    /// Whether small bare lamps become clean after `iteration` of `total`.
-    pub fn is_due_for_bare(&self, iteration: u32, total: u32) -> bool {
-        let at = due(self.bare_after, total);
-        self.clean && iteration == at && at < due(self.after, total)
-    }
-
-    /// Whether all lamps become clean after `iteration` of `total`.
-    pub fn is_due(&self, iteration: u32, total: u32) -> bool {
-        self.clean && iteration == due(self.after, total)
-    }
-
-    /// Whether all lamps are clean after `iteration` of `total`.
-    pub fn is_done(&self, iteration: u32, total: u32) -> bool {
-        self.clean && iteration >= due(self.after, total)
-    }
-
-    /// Whether what has come to stand before clean lamps since goes after `iteration` of `total`:
-    /// now and then, so that what is around can make up for it, and at the end.
-    pub fn is_freed(&self, iteration: u32, total: u32) -> bool {
-        self.clean && iteration > self.first(total) && is_time(FREED_EVERY, iteration, total)
-    }
-
-    /// Whether floaters beside clean lamps go after `iteration` of `total`: when lamps become clean,
-    /// now and then, and at the end.
-    pub fn is_cleared(&self, iteration: u32, total: u32) -> bool {
-        let becomes = iteration == self.first(total) || iteration == due(self.after, total);
-        let is_time = becomes || is_time(CLEARED_EVERY, iteration, total);
-        self.clean && iteration >= self.first(total) && is_time
-    }
-
-    /// The iteration of `total` after which the first lamps become clean.
-    fn first(&self, total: u32) -> u32 {
-        due(self.bare_after.min(self.after), total)
-    }
-}
-
-/// Whether `iteration` is the last of `total` or one of those that are so far apart, in parts of
-/// all.
-fn is_time(every: f64, iteration: u32, total: u32) -> bool {
-    let every = ((every * f64::from(total)).round() as u32).max(1);
-    iteration == total || iteration.is_multiple_of(every)
-}
-
-/// The iteration of `total` after a `share` of them.
-fn due(share: f32, total: u32) -> u32 {
-    let due = (f64::from(share) * f64::from(total)).round() as u32;
-    due.clamp(1, total)
-}
-
-/// Splitting of Gaussians during stage 0.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DensifyOptions {
-    /// How often; 0 keeps the Gaussians there are, as in the paper.
-    pub times: u32,
-    /// Share of the iterations after which it happens for the first time, 0 to 1.
-    pub from: f32,
-    /// Share of the iterations after which it happens for the last time, 0 to 1.
-    pub until: f32,
-    /// Share of the Gaussians that the run begins with, above 0 to 1; the rest comes in equal
-    /// parts.
-    pub start_share: f32,
-}
-
-impl DensifyOptions {
-    /// Which time it is, counted from 1, if Gaussians are split after `iteration` of `total`.
-    pub fn time_at(&self, iteration: u32, total: u32) -> Option<u32> {
-        (1..=self.times).find(|&time| {
-            let along = if self.times > 1 {
-                f64::from(time - 1) / f64::from(self.times - 1)
-            } else {
-                0.0
-            };
-            let share = f64::from(self.from) + along * f64::from(self.until - self.from);
-            (share * f64::from(total)).round() as u32 == iteration
-        })
-    }
-
-    /// Gaussians after `time` of these times, 0 being the start, on the way to `budget`.
-    pub fn num_after(&self, time: u32, budget: usize) -> usize {
-        if self.times == 0 {
-            return budget;
-        }
-        let grown = f64::from(time) / f64::from(self.times);
-        let share = f64::from(self.start_share) + grown * f64::from(1.0 - self.start_share);
-        (share * budget as f64).round() as usize
-    }
 }
 
 /// Where stage 1 gathers incident light.

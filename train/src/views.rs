@@ -6,6 +6,7 @@ use crate::options::Stage;
 use crate::points::{Discs, SeenPoints};
 use eagpt_scene::dataset::ViewCache;
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::spread::evenly;
 use eagpt_scene::{Camera, Dataset, Lamp};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -238,8 +239,8 @@ impl Views {
     ) -> impl Iterator<Item = Result<TrainingView>> + '_ {
         let own = self.indices.iter().copied();
         let own: Vec<usize> = own.filter(|index| self.place(*index).0 == light).collect();
-        let num = num.min(own.len());
-        (0..num).map(move |i| self.get(own[i * own.len() / num]))
+        let chosen: Vec<usize> = evenly(&own, num).copied().collect();
+        chosen.into_iter().map(|index| self.get(index))
     }
 
     /// Fixed views for previews.

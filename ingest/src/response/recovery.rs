@@ -16,6 +16,7 @@ use crate::error::{IngestError, Result};
 use crate::raw::{Decoding, RawFrame, Samples};
 use crate::stack::{Photograph, Stack};
 use crate::survey::{Reader, read_shots};
+use eagpt_scene::spread::evenly;
 use std::path::Path;
 
 /// The code at which the channels agree.
@@ -56,15 +57,13 @@ pub(crate) fn recover(
         capture: capture.to_owned(),
         problem,
     };
-    let num = of_display.len().min(MAX_STACKS);
     let mut chains: [Vec<Chain>; 3] = Default::default();
     let mut num_stacks = 0;
     let reader = Reader {
         decoding,
         response: None,
     };
-    for index in 0..num {
-        let stack = of_display[index * of_display.len() / num];
+    for stack in evenly(&of_display, MAX_STACKS) {
         // One that cannot be read is reported by the survey.
         let Ok(frames) = read_shots(stack, &reader) else {
             continue;

@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::picture::Picture;
 use crate::run::{ORIGINAL, RunRecord, folders, read_json};
 use eagpt_scene::Dataset;
+use eagpt_scene::spread::evenly;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -172,12 +173,6 @@ fn references(
         .collect())
 }
 
-/// At most `most` of `all`, evenly chosen.
-fn evenly(all: &[String], most: usize) -> Vec<&String> {
-    let num = all.len().min(most);
-    (0..num).map(|i| &all[i * all.len() / num]).collect()
-}
-
 /// Those of `wanted` that are in an object of metrics.
 fn listed(values: &Value, wanted: &[(&str, &str, usize)]) -> Vec<Value> {
     let found = wanted.iter().filter_map(|&(key, heading, decimals)| {
@@ -205,7 +200,7 @@ pub(super) fn layers(dir: &Path, run: &RunRecord) -> Result<Vec<Value>> {
 
 /// Some of the pictures in a folder, with their names.
 fn sampled(folder: &Path, names: &[String]) -> Result<Vec<(String, Picture)>> {
-    let paths = evenly(names, MAX_SAMPLES).into_iter();
+    let paths = evenly(names, MAX_SAMPLES);
     let paths = paths.map(|name| (name, folder.join(format!("{name}.png"))));
     let pictures = paths.filter(|(_, path)| path.is_file());
     pictures

@@ -1,5 +1,5 @@
-//! What keeps the light of clean lamps from the room, though no picture shows it, goes while stage
-//! 0 goes on.
+//! Discs that keep the light of clean lamps from the room, though no picture tells of them, go
+//! while stage 0 goes on.
 
 use super::lamps::{moving, unlit};
 use super::run::Run;
@@ -36,8 +36,8 @@ impl Run<'_> {
         all: bool,
     ) -> Result<()> {
         let device = &self.request.device;
-        let cameras = views.cameras();
         self.edit_beside(backend, (views, all), |scene, lamps| {
+            let cameras = views.cameras();
             eagpt_lamps::without_floaters(device, scene, lamps, &cameras).map(SceneEdit::keeping)
         })
     }

@@ -192,7 +192,6 @@ fn merge(base: &mut toml::Table, layer: &toml::Table, path: &str) -> Result<()> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::LampOptions;
 
     fn layered(text: &str) -> Result<TrainOptions> {
         TrainOptions::from_layers(Preset::Fast, &[text.parse().unwrap()])
@@ -222,49 +221,6 @@ mod tests {
         expected.radiance.iterations = 7;
         expected.radiance.rates.scale = 1.0;
         assert_eq!(options, expected);
-    }
-
-    #[test]
-    fn the_number_of_gaussians_grows_on_schedule() {
-        let mut densify = TrainOptions::preset(Preset::Fast).radiance.densify;
-        (densify.times, densify.from, densify.until) = (3, 0.1, 0.5);
-        densify.start_share = 0.4;
-        let times: Vec<(u32, u32)> = (1..=100)
-            .filter_map(|i| Some((i, densify.time_at(i, 100)?)))
-            .collect();
-        assert_eq!(times, [(10, 1), (30, 2), (50, 3)]);
-        let numbers: Vec<usize> = (0..=3).map(|t| densify.num_after(t, 1000)).collect();
-        assert_eq!(numbers, [400, 600, 800, 1000]);
-        densify.times = 0;
-        assert_eq!(densify.num_after(0, 1000), 1000);
-        assert_eq!((1..=100).find_map(|i| densify.time_at(i, 100)), None);
-    }
-
-    #[test]
-    fn bare_lamps_become_clean_before_all_and_are_freed_from_there_on() {
-        let mut lamps = TrainOptions::preset(Preset::Fast).radiance.lamps;
-        (lamps.bare_after, lamps.after) = (0.5, 0.9);
-        let at =
-            |is_so: &dyn Fn(u32) -> bool| -> Vec<u32> { (1..=80).filter(|i| is_so(*i)).collect() };
-        assert_eq!(at(&|i| lamps.is_due_for_bare(i, 80)), [40]);
-        assert_eq!(at(&|i| lamps.is_due(i, 80)), [72]);
-        let every_second: Vec<u32> = (42..=80).step_by(2).collect();
-        assert_eq!(at(&|i| lamps.is_freed(i, 80)), every_second);
-        assert_eq!(at(&|i| lamps.is_cleared(i, 80)), [40, 48, 64, 72, 80]);
-        assert!(!lamps.is_done(71, 80) && lamps.is_done(72, 80));
-        // Where all are clean first, no bare ones are looked for.
-        let late = LampOptions {
-            bare_after: 1.0,
-            ..lamps.clone()
-        };
-        assert!(!(1..=80).any(|i| late.is_due_for_bare(i, 80)));
-        let off = LampOptions {
-            clean: false,
-            ..lamps
-        };
-        let is_clean = |i| off.is_due(i, 80) || off.is_due_for_bare(i, 80);
-        let is_any = |i| is_clean(i) || off.is_freed(i, 80) || off.is_cleared(i, 80);
-        assert!(!(1..=80).any(is_any));
     }
 
     #[test]
