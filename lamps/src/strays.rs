@@ -6,6 +6,7 @@
 //! there would be bright, or opaque, as the outside of a shade and metal, which is dark where it
 //! mirrors what is dark.
 
+use crate::candidates::MOST_PIXELS;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, Lamps};
 use eagpt_scene::{Gaussian, Gaussians};
@@ -121,10 +122,14 @@ impl Suspect {
     }
 }
 
-/// The lamps that are bare, and send their light to all sides.
+/// The lamps that are bare, send their light to all sides, and are small to the views: what is about
+/// larger ones training knows, and the walls of the room may be.
 fn bare(lamps: &Lamps) -> impl Iterator<Item = &Lamp> {
+    let is_small = |lamp: &Lamp| lamp.num_pixels <= MOST_PIXELS * lamp.views.len();
     let lamps = lamps.lamps.iter();
-    lamps.filter(|lamp| lamp.shape.is_solid() && !lamp.one_sided && lamp.shade == 0.0)
+    lamps.filter(move |lamp| {
+        lamp.shape.is_solid() && !lamp.one_sided && lamp.shade == 0.0 && is_small(lamp)
+    })
 }
 
 /// Distance from a lamp within which what is beside it lies.
@@ -222,8 +227,13 @@ mod tests {
     }
 
     #[test]
-    fn only_bare_lamps_that_shine_to_all_sides_tell() {
+    fn only_small_bare_lamps_that_shine_to_all_sides_tell() {
         let dark = disc(Vec3::new(0.2, 0.0, 0.0), 0.0, 0.5);
+        let in_two_views = |num_pixels: usize| Lamp {
+            num_pixels,
+            views: vec![String::new(); 2],
+            ..ball()
+        };
         for lamp in [
             Lamp {
                 shape: LampShape::Panel,
@@ -233,9 +243,11 @@ mod tests {
                 shade: 0.1,
                 ..ball()
             },
+            in_two_views(2 * MOST_PIXELS + 1),
         ] {
             assert_eq!(kept(&[dark], &lamp), [true]);
         }
         assert_eq!(kept(&[dark], &ball()), [false]);
+        assert_eq!(kept(&[dark], &in_two_views(2 * MOST_PIXELS)), [false]);
     }
 }
