@@ -22,7 +22,7 @@ const SHARE_ELSEWHERE: f32 = 0.5;
 
 /// Most pixels in a view of a lamp that training makes a heap of. Larger ones are known better once
 /// geometry is right.
-pub(crate) const MOST_PIXELS: usize = 25;
+const MOST_PIXELS: usize = 25;
 /// Views that show it, at least: a glint is in fewer.
 const LEAST_VIEWS: usize = 3;
 /// Share of the border of a bare lamp, at most, beside which something dimmer is lit, too.

@@ -6,9 +6,9 @@
 //! there would be bright, or opaque, as the outside of a shade and metal, which is dark where it
 //! mirrors what is dark.
 
-use crate::candidates::MOST_PIXELS;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, Lamps};
+use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussian, Gaussians};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, Ray, TraceError};
@@ -19,6 +19,8 @@ use std::f32::consts::PI;
 const LEAST_ALBEDO: f32 = 0.05;
 /// Distance from a lamp, in its mean sizes, beyond which black things may be.
 const NEAR: f32 = 9.0;
+/// The same in median distances of the scene: the walls of a room are not beside its lantern.
+const NEAR_IN_SCENE: f32 = 0.3;
 /// Opacity from which on a Gaussian is a surface, and hides what is behind it.
 const OPAQUE: f32 = 0.75;
 /// Start of a ray from a disc, in parts of the way to the lamp.
@@ -43,10 +45,9 @@ pub(crate) fn beside<'a>(
     (gaussians, num_moving): (&'a Gaussians, usize),
     lamps: &'a Lamps,
 ) -> impl Fn(usize) -> bool + 'a {
-    let bare: Vec<&Lamp> = bare(lamps).collect();
+    let bare = bare(lamps, gaussians);
     move |i| {
-        let position = gaussians.positions[i];
-        let is_near = |lamp: &&Lamp| lamp.distance(position) <= reach(lamp);
+        let is_near = |bare: &Bare| bare.is_beside(gaussians.positions[i]);
         i < num_moving && gaussians.emissions[i] <= EMISSION_THRESHOLD && bare.iter().any(is_near)
     }
 }
@@ -68,12 +69,12 @@ pub fn without_strays(
     };
     let translucent: Vec<usize> = (0..num_moving).filter(is_translucent).collect();
     let mut suspects = Vec::new();
-    for lamp in bare(lamps) {
+    for bare in bare(lamps, gaussians) {
+        let lamp = bare.lamp;
         let (centre, size) = (lamp.centre(), Vec3::from(lamp.size));
-        let reach = reach(lamp);
         let intensity = lamp.luminous_power() / (4.0 * PI);
         for &i in &translucent {
-            if lamp.distance(gaussians.positions[i]) > reach {
+            if !bare.is_beside(gaussians.positions[i]) {
                 continue;
             }
             let towards = centre - gaussians.positions[i];
@@ -122,19 +123,29 @@ impl Suspect {
     }
 }
 
-/// The lamps that are bare, send their light to all sides, and are small to the views: what is about
-/// larger ones training knows, and the walls of the room may be.
-fn bare(lamps: &Lamps) -> impl Iterator<Item = &Lamp> {
-    let is_small = |lamp: &Lamp| lamp.num_pixels <= MOST_PIXELS * lamp.views.len();
-    let lamps = lamps.lamps.iter();
-    lamps.filter(move |lamp| {
-        lamp.shape.is_solid() && !lamp.one_sided && lamp.shade == 0.0 && is_small(lamp)
-    })
+/// A lamp that is bare, and sends its light to all sides.
+struct Bare<'a> {
+    lamp: &'a Lamp,
+    /// Distance within which what is beside it lies.
+    reach: f32,
 }
 
-/// Distance from a lamp within which what is beside it lies.
-fn reach(lamp: &Lamp) -> f32 {
-    NEAR * Vec3::from(lamp.size).element_product().cbrt()
+impl Bare<'_> {
+    fn is_beside(&self, position: Vec3) -> bool {
+        self.lamp.distance(position) <= self.reach
+    }
+}
+
+/// The bare ones of the lamps of a scene.
+fn bare<'a>(lamps: &'a Lamps, gaussians: &Gaussians) -> Vec<Bare<'a>> {
+    let is_bare = |lamp: &&Lamp| lamp.shape.is_solid() && !lamp.one_sided && lamp.shade == 0.0;
+    let with_reach = |lamp: &'a Lamp| {
+        let size = Vec3::from(lamp.size).element_product().cbrt();
+        let distances = gaussians.positions.iter().map(|at| lamp.distance(*at));
+        let reach = (NEAR * size).min(NEAR_IN_SCENE * median_of(distances));
+        Bare { lamp, reach }
+    };
+    lamps.lamps.iter().filter(is_bare).map(with_reach).collect()
 }
 
 #[cfg(test)]
@@ -158,6 +169,11 @@ mod tests {
         }
     }
 
+    /// A room about it.
+    fn walls() -> [Gaussian; 8] {
+        [disc(Vec3::new(2.0, 0.0, 0.0), 1.0, 0.9); 8]
+    }
+
     /// A lamp of power 4π at the origin: at a distance of 0.2 a surface that faces it has its albedo
     /// over π times 25.
     fn kept(discs: &[Gaussian], lamp: &Lamp) -> Vec<bool> {
@@ -166,7 +182,12 @@ mod tests {
             emission: 1.0,
             ..disc(Vec3::ZERO, 100.0, 0.99)
         };
-        let scene: Gaussians = discs.iter().copied().chain([shines]).collect();
+        let scene: Gaussians = discs
+            .iter()
+            .copied()
+            .chain([shines])
+            .chain(walls())
+            .collect();
         let lamps = Lamps {
             lamps: vec![lamp.clone()],
         };
@@ -208,32 +229,24 @@ mod tests {
             emission: 1.0,
             ..at(0.1)
         };
-        let scene: Gaussians = [at(0.1), at(0.2), at(0.5), emits, at(0.1)]
-            .into_iter()
-            .collect();
+        let discs = [at(0.1), at(0.2), at(0.5), emits, at(0.1)];
+        let scene: Gaussians = discs.into_iter().chain(walls()).collect();
         let lamps = |lamp: Lamp| Lamps { lamps: vec![lamp] };
         let surface = |place: Vec3| (place.x - 0.2).abs() < 0.01;
         let keep = without_heaps((&scene, 4), &lamps(ball()), surface);
         // At a surface, far away, emitting, the lamp's own.
-        assert_eq!(keep, [false, true, true, true, true]);
+        assert_eq!(keep[..5], [false, true, true, true, true]);
         let panel = Lamp {
             shape: LampShape::Panel,
             ..ball()
         };
-        assert_eq!(
-            without_heaps((&scene, 4), &lamps(panel), surface),
-            [true; 5]
-        );
+        let keep = without_heaps((&scene, 4), &lamps(panel), surface);
+        assert!(keep.iter().all(|stays| *stays));
     }
 
     #[test]
-    fn only_small_bare_lamps_that_shine_to_all_sides_tell() {
+    fn only_bare_lamps_that_shine_to_all_sides_tell() {
         let dark = disc(Vec3::new(0.2, 0.0, 0.0), 0.0, 0.5);
-        let in_two_views = |num_pixels: usize| Lamp {
-            num_pixels,
-            views: vec![String::new(); 2],
-            ..ball()
-        };
         for lamp in [
             Lamp {
                 shape: LampShape::Panel,
@@ -243,11 +256,21 @@ mod tests {
                 shade: 0.1,
                 ..ball()
             },
-            in_two_views(2 * MOST_PIXELS + 1),
         ] {
             assert_eq!(kept(&[dark], &lamp), [true]);
         }
         assert_eq!(kept(&[dark], &ball()), [false]);
-        assert_eq!(kept(&[dark], &in_two_views(2 * MOST_PIXELS)), [false]);
+    }
+
+    /// The walls are 2 m away: 0.6 m from a lantern of 0.4 m nothing is beside it.
+    #[test]
+    fn the_room_is_not_beside_a_large_lamp() {
+        let lantern = Lamp {
+            size: [0.4; 3],
+            power: [400.0; 3],
+            ..ball()
+        };
+        let at = |x: f32| disc(Vec3::new(x, 0.0, 0.0), 0.0, 0.5);
+        assert_eq!(kept(&[at(0.7), at(0.8)], &lantern), [false, true]);
     }
 }
