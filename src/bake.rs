@@ -60,9 +60,9 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "N", default_value_t = MAX_BOUNCES, value_parser = clap::value_parser!(u32).range(1..))]
     bounces: u32,
     /// gaussians: directions traced at each Gaussian, at least 1; half of them are light samples,
-    /// the others serve all bounces [default: 64; 32 in scenes of over 125,000 Gaussians, whose
-    /// pictures are means over more of them, 16 in those of over 250,000; twice that with
-    /// --per-light]
+    /// the others serve all bounces, and where something is brightly lit a quarter as many more go
+    /// there [default: 64; 32 in scenes of over 125,000 Gaussians, whose pictures are means over
+    /// more of them, 16 in those of over 250,000; twice that with --per-light]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: Option<u32>,
     /// views: samples per pixel, at least 1

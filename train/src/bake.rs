@@ -5,6 +5,7 @@
 //! - [`gaussians`]: the light is solved in Gaussian space; no image is made.
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
+mod bright;
 mod emitters;
 pub mod gaussians;
 mod highlights;

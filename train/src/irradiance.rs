@@ -8,7 +8,9 @@
 
 pub mod smooth;
 
+use crate::bake::emits;
 use eagpt_scene::Gaussians;
+use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::transport::matrix::{Directions, Front, Receiver, Tracing, TransportMatrix};
 use eagpt_trace::{TraceError, Tracer};
@@ -35,6 +37,24 @@ pub fn usual_samples(num: usize) -> u32 {
     let (least, most) = USUAL_SAMPLES;
     let each = (RAYS / num.max(1)).clamp(least, most);
     1 << each.ilog2()
+}
+
+/// Luminance in parts of the mean of all that reflects from which on a Gaussian is sampled as
+/// emitters are. Irradiance of all rooms tried is as good with 2 as with 4.
+const BRIGHT: f32 = 4.0;
+
+/// The [`BRIGHT`] ones of `gaussians` that reflect `radiances`, `[n]`; ascending.
+pub(crate) fn bright(gaussians: &Gaussians, radiances: &[Vec3]) -> impl Iterator<Item = usize> {
+    let reflects = |i: &usize| !emits(gaussians.emissions[*i]);
+    let light = |i: usize| luminance(radiances[i].to_array());
+    let area = |i: usize| gaussians.opacities[i] * gaussians.scales[i].element_product();
+    let (sum, total) = (0..gaussians.len())
+        .filter(reflects)
+        .fold((0.0, 0.0), |(sum, total), i| {
+            (sum + light(i) * area(i), total + area(i))
+        });
+    let is_bright = move |i: &usize| reflects(i) && light(*i) * total > BRIGHT * sum;
+    (0..gaussians.len()).filter(is_bright)
 }
 
 /// `num_samples` directions at each Gaussian, at least 1.

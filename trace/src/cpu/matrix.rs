@@ -4,7 +4,7 @@ use super::CpuScene;
 use super::realizations::NUM_REALIZATIONS;
 use crate::transport::EMISSION_THRESHOLD;
 use crate::transport::matrix::{
-    Aim, Directions, EMITTER, NOTHING, Receiver, Sample, Sampler, TransportMatrix,
+    Aim, BrightEntries, Directions, EMITTER, NOTHING, Receiver, Sample, Sampler, TransportMatrix,
 };
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
@@ -45,6 +45,7 @@ impl TransportMatrix {
             direct_squares: vec![0.0; receivers.len()],
             targets: vec![NOTHING; bsdf as usize * receivers.len()],
             light_targets: vec![NOTHING; to_lights as usize * receivers.len()],
+            bright: BrightEntries::default(),
             num_rays: 0,
         };
         let aims: Vec<Aim<'_>> = receivers.iter().map(|one| sampler.aim(one)).collect();

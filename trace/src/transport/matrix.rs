@@ -3,7 +3,8 @@
 //! The irradiance over π of a point is `1/π ∫ L cos θ dω`. The integral is split by what a
 //! direction meets. Emitters are sampled by two kinds of directions, towards them with density p
 //! (light samples) and about the normal with density q = cos θ/π (BSDF samples), combined by the
-//! balance heuristic (Veach 1997, section 9.2). All other surfaces are met by BSDF samples alone.
+//! balance heuristic (Veach 1997, section 9.2). All other surfaces are met by BSDF samples alone,
+//! but for bright ones ([`TransportMatrix::add_bright`]).
 //! An entry of the matrix is the Gaussian that a direction meets first. Whatever light the
 //! Gaussians carry, `E/π` is then the emitters' part plus the mean light of the entries: further
 //! bounces, or other albedos, cost a look-up for each entry and no ray. Nor does other light of the
@@ -14,6 +15,7 @@
 //! device.
 
 mod backs;
+mod bright;
 mod groups;
 mod relight;
 
@@ -29,6 +31,7 @@ use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
 pub use backs::Front;
+pub use bright::{BrightEntries, BrightSamples};
 pub use groups::Groups;
 pub use relight::Tracing;
 
@@ -74,12 +77,14 @@ pub struct TransportMatrix {
     pub targets: Vec<u32>,
     /// Entries of light samples, `[receivers, directions.to_lights]`.
     pub light_targets: Vec<u32>,
+    /// Entries of bright surfaces ([`Self::add_bright`]).
+    pub bright: BrightEntries,
     /// Rays traced.
     pub num_rays: u64,
 }
 
 impl TransportMatrix {
-    /// Adds those of more receivers, traced in as many directions.
+    /// Adds those of more receivers, traced in as many directions, before those of bright surfaces.
     pub fn append(&mut self, mut more: Self) {
         self.direct.append(&mut more.direct);
         self.direct_squares.append(&mut more.direct_squares);
@@ -94,10 +99,12 @@ impl TransportMatrix {
         let bsdf = directions.bsdf as usize;
         // Neither `NOTHING` nor what has `EMITTER` is an index.
         let light = |target: &u32| radiances.get(*target as usize).copied();
-        self.targets
-            .par_chunks_exact(bsdf)
+        (self.targets.par_chunks_exact(bsdf).enumerate())
             .with_min_len(1024)
-            .map(|targets| targets.iter().filter_map(light).sum::<Vec3>() / bsdf as f32)
+            .map(|(at, targets)| {
+                let mean = targets.iter().filter_map(light).sum::<Vec3>() / bsdf as f32;
+                mean + self.bright.light(at, radiances)
+            })
             .collect()
     }
 
@@ -109,13 +116,14 @@ impl TransportMatrix {
             let radiance = radiances.get(*target as usize);
             radiance.map_or(0.0, |radiance| luminance(radiance.to_array()))
         };
-        self.targets
-            .par_chunks_exact(directions.bsdf as usize)
+        let rows = self.targets.par_chunks_exact(directions.bsdf as usize);
+        rows.enumerate()
             .with_min_len(1024)
-            .map(|targets| {
+            .map(|(at, targets)| {
                 let mean = targets.iter().map(light).sum::<f32>() / num;
                 let squares = targets.iter().map(|target| (light(target) - mean).powi(2));
                 squares.sum::<f32>() / (num * (num - 1.0).max(1.0))
+                    + self.bright.variance(at, radiances)
             })
             .collect()
     }

@@ -11,7 +11,6 @@ use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
 use crate::irradiance::{self, NoisyLight};
 use crate::surfaces;
-use eagpt_scene::color::luminance;
 use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
@@ -25,9 +24,6 @@ use std::ops::Range;
 const RANGE: (f32, f32) = (0.001, 0.95 * MAX_ALBEDO);
 /// Share of its own light that a Gaussian must receive for the quotient to mean something.
 const MIN_IRRADIANCE: f32 = 1e-4;
-/// Luminance in parts of the mean of all that reflects from which on a Gaussian is sampled as
-/// emitters are. Irradiance of all rooms tried is as good with 2 as with 4.
-const BRIGHT: f32 = 4.0;
 /// Opacity that gathered Gaussians must have in a pixel to shade it.
 const MIN_KNOWN: f32 = 1e-3;
 
@@ -116,24 +112,14 @@ impl GaussianIrradiance {
     }
 }
 
-/// `gaussians`, of which those that are [`BRIGHT`] emit, too. What is left of a lamp that was not
+/// `gaussians`, of which [`irradiance::bright`] ones emit, too. What is left of a lamp that was not
 /// found, and a patch of sun, are small and bright: cosine samples meet them by chance, and where one
 /// does, a Gaussian is lit ten times too much, its albedo a tenth of what it is. As emitters they
 /// are sampled; the mean stays.
 pub(super) fn with_bright_as_emitters(gaussians: &Gaussians) -> Gaussians {
-    let reflects = |i: &usize| !emits(gaussians.emissions[*i]);
-    let light = |i: usize| luminance(gaussians.radiances[i].to_array());
-    let area = |i: usize| gaussians.opacities[i] * gaussians.scales[i].element_product();
-    let (sum, total) = (0..gaussians.len())
-        .filter(reflects)
-        .fold((0.0, 0.0), |(sum, total), i| {
-            (sum + light(i) * area(i), total + area(i))
-        });
     let mut lit = gaussians.clone();
-    for i in (0..gaussians.len()).filter(reflects) {
-        if light(i) * total > BRIGHT * sum {
-            lit.emissions[i] = 1.0;
-        }
+    for i in irradiance::bright(gaussians, &gaussians.radiances) {
+        lit.emissions[i] = 1.0;
     }
     lit
 }

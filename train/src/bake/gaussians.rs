@@ -15,6 +15,7 @@
 //! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
 //! lamps adds up to what they reflect ([`eagpt_scene::light_basis`]).
 
+use super::bright::{self, BrightSurfaces};
 use super::emitters::with_emitters;
 use super::highlights::Highlights;
 use super::lamps::evened;
@@ -78,6 +79,10 @@ impl Bake<'_> {
         let Some(mut traced) = self.trace(&*tracer, evened, directions)? else {
             return Ok(None);
         };
+        if let Some(bright) = traced.bright.take() {
+            let random = (directions, self.key(), self.request.options.seed);
+            bright.add_to(&mut traced.matrix, &self.scene, &traced.receivers, random);
+        }
         traced.relight(&self.scene, self.key());
         let light = Exchange::new(&traced.receivers, &traced.matrix, directions);
         let max_bounces = self.request.options.max_bounces;
@@ -134,7 +139,8 @@ impl Bake<'_> {
         } else {
             1
         };
-        let entries = u64::from(directions.bsdf + directions.to_lights);
+        let entries = directions.bsdf + directions.to_lights + bright::num_samples(directions);
+        let entries = u64::from(entries);
         // Of each light: its direct light, that of a bounce before and after smoothing, that of the
         // last bounce and of all.
         let of_lights = 5 * size_of::<Vec3>() as u64 * num_lights as u64;
@@ -185,7 +191,43 @@ impl Bake<'_> {
                 None => return Ok(None),
             },
         };
-        self.trace_rows(tracer, traced, directions, &path)
+        let Some(mut traced) = self.trace_rows(tracer, traced, directions, &path)? else {
+            return Ok(None);
+        };
+        if traced.bright.is_none() {
+            if !self.trace_bright(&mut traced, directions)? {
+                traced.write(&path)?;
+                return Ok(None);
+            }
+            if self.request.transport.is_some() {
+                traced.write(&path)?;
+            }
+        }
+        Ok(Some(traced))
+    }
+
+    /// Traces light samples to what is bright where all rows are traced; `false` if it was stopped.
+    fn trace_bright(
+        &mut self,
+        traced: &mut TracedTransport,
+        directions: Directions,
+    ) -> Result<bool> {
+        let (receivers, direct) = (&traced.receivers, &traced.matrix.direct);
+        let mut bright = BrightSurfaces::new(&self.scene, receivers, direct);
+        let total = receivers.traced.len();
+        let stop = &self.request.stop;
+        let mut goes_on = |done| {
+            (self.progress)(BakeProgress::Gathering { done, total });
+            done == total || !stop.load(Ordering::Relaxed)
+        };
+        let random = (directions, self.request.options.seed);
+        let among = (&self.request.device, &self.scene);
+        let is_whole = bright.trace(among, &receivers.traced, random, &mut goes_on)?;
+        if is_whole {
+            self.num_rays += bright.num_rays;
+            traced.bright = Some(bright);
+        }
+        Ok(is_whole)
     }
 
     /// Rows that an earlier bake has left at `path`, if they are of use for this one: for the light
@@ -225,21 +267,16 @@ impl Bake<'_> {
     ) -> Result<Option<TracedTransport>> {
         let key = self.key();
         let total = traced.receivers.traced.len();
-        let num_before = traced.num_rows();
         let mut stored = Instant::now();
         loop {
             let done = traced.num_rows();
             (self.progress)(BakeProgress::Gathering { done, total });
-            let is_whole = done == total;
-            if is_whole && (done == num_before || self.request.transport.is_none()) {
+            if done == total {
                 break;
             }
-            if is_whole || self.stopped() || stored.elapsed() > STORE_EVERY {
+            if self.stopped() || stored.elapsed() > STORE_EVERY {
                 traced.write(path)?;
                 stored = Instant::now();
-            }
-            if is_whole {
-                break;
             }
             if self.stopped() {
                 return Ok(None);

@@ -1,5 +1,6 @@
 //! Light baking in Gaussian space of a scene in memory: nothing is stored, nothing resumes.
 
+use super::bright::BrightSurfaces;
 use super::emitters::{emits, forget_directions, with_emitters};
 use super::highlights::Highlights;
 use super::receivers::Receivers;
@@ -81,8 +82,23 @@ impl Solution<'_> {
             matrix.append(irradiance::rows(among, piece, directions, key)?);
             done += piece.len();
         }
-        let goes_on = told(BakeProgress::Gathering { done, total });
-        Ok(goes_on.is_continue().then_some(TracedScene {
+        if told(BakeProgress::Gathering { done, total }).is_break() {
+            return Ok(None);
+        }
+        let mut bright = BrightSurfaces::new(&scene, &receivers, &matrix.direct);
+        let mut goes_on = |done| told(BakeProgress::Gathering { done, total }).is_continue();
+        let samples = (directions, self.seed);
+        let among = (self.device, &scene);
+        if !bright.trace(among, &receivers.traced, samples, &mut goes_on)? {
+            return Ok(None);
+        }
+        bright.add_to(
+            &mut matrix,
+            &scene,
+            &receivers,
+            (directions, key, self.seed),
+        );
+        Ok(Some(TracedScene {
             solution: self,
             tracer,
             directions,

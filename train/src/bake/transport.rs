@@ -10,6 +10,7 @@
 //!
 //! The same file holds a bake under way, with the rows done so far.
 
+use super::bright::{self, BrightSurfaces};
 use super::emitters::emits;
 use super::receivers::{Faint, NO_SOURCE, NUM_SOURCES, Receivers, Sources};
 use crate::error::Result;
@@ -37,7 +38,7 @@ pub(super) const PIECE: usize = 4096;
 
 const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTTRA",
-    version: 5,
+    version: 6,
     noun: "transport matrix",
 };
 
@@ -54,6 +55,8 @@ pub(super) struct TracedTransport {
     lights: Vec<EmitterLight>,
     pub(super) receivers: Receivers,
     pub(super) matrix: TransportMatrix,
+    /// Samples to what is bright, once all rows are there.
+    pub(super) bright: Option<BrightSurfaces>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -65,10 +68,14 @@ struct Header {
     num_faint: usize,
     num_fronts: usize,
     num_rows: usize,
+    /// `None` before bright surfaces are known.
+    num_bright: Option<usize>,
 }
 
 /// Values of a receiver: index, position, normal, offset.
 const RECEIVER: usize = 8;
+/// Values of a bright surface: index, radiance.
+const BRIGHT: usize = 4;
 /// Values of a faint Gaussian: index, sources.
 const FAINT: usize = 1 + NUM_SOURCES;
 
@@ -86,6 +93,7 @@ impl TracedTransport {
             lights: emitters(scene).map(|g| light(&g)).collect(),
             receivers,
             matrix: TransportMatrix::default(),
+            bright: None,
         }
     }
 
@@ -188,6 +196,7 @@ impl TracedTransport {
             num_faint: self.receivers.faint.len(),
             num_fronts: self.receivers.fronts.len(),
             num_rows: self.num_rows(),
+            num_bright: self.bright.as_ref().map(|bright| bright.surfaces.len()),
         };
         let receivers: Vec<f32> = (self.receivers.traced.iter())
             .flat_map(|(index, surface)| {
@@ -205,6 +214,15 @@ impl TracedTransport {
         let floats = |of: &[u32]| of.iter().map(|&i| f32::from_bits(i)).collect::<Vec<f32>>();
         let targets = floats(&self.matrix.targets);
         let light_targets = floats(&self.matrix.light_targets);
+        let surfaces = self.bright.iter().flat_map(|bright| &bright.surfaces);
+        let bright: Vec<f32> = surfaces
+            .flat_map(|(index, radiance)| {
+                [f32::from_bits(*index)]
+                    .into_iter()
+                    .chain(radiance.to_array())
+            })
+            .collect();
+        let bright_targets = self.bright.as_ref().map(|bright| floats(&bright.targets));
         FORMAT.write(
             path,
             &header,
@@ -217,6 +235,8 @@ impl TracedTransport {
                 &self.matrix.direct_squares,
                 &targets,
                 &light_targets,
+                &bright,
+                bright_targets.as_deref().unwrap_or_default(),
             ],
         )?;
         Ok(())
@@ -231,6 +251,11 @@ impl TracedTransport {
         let damaged = || SceneError::invalid(path, "arrays", "the transport matrix is damaged");
         let [bsdf, to_lights] = header.directions;
         let directions = Directions { bsdf, to_lights };
+        let num_bright = header.num_bright.unwrap_or(0);
+        let to_bright = match num_bright {
+            0 => 0,
+            _ => bright::num_samples(directions) as usize,
+        };
         let lengths = [
             header.num_lights.checked_mul(4),
             header.num_receivers.checked_mul(RECEIVER),
@@ -240,9 +265,11 @@ impl TracedTransport {
             Some(header.num_rows),
             header.num_rows.checked_mul(bsdf as usize),
             header.num_rows.checked_mul(to_lights as usize),
+            num_bright.checked_mul(BRIGHT),
+            header.num_rows.checked_mul(to_bright),
         ];
         let mut rest = values.as_slice();
-        let mut arrays = [&rest[..0]; 8];
+        let mut arrays = [&rest[..0]; 10];
         for (array, length) in arrays.iter_mut().zip(lengths) {
             (*array, rest) = length
                 .and_then(|length| rest.split_at_checked(length))
@@ -257,6 +284,8 @@ impl TracedTransport {
             squares,
             targets,
             light_targets,
+            surfaces,
+            bright_targets,
         ] = arrays;
         let bits = |of: &[f32]| of.iter().map(|value| value.to_bits()).collect::<Vec<u32>>();
         let traced = Self {
@@ -283,8 +312,15 @@ impl TracedTransport {
                 direct_squares: squares.to_vec(),
                 targets: bits(targets),
                 light_targets: bits(light_targets),
-                num_rays: 0,
+                ..TransportMatrix::default()
             },
+            bright: header.num_bright.map(|_| BrightSurfaces {
+                surfaces: (surfaces.as_chunks().0.iter())
+                    .map(|&[index, r, g, b]: &[f32; BRIGHT]| (index.to_bits(), Vec3::new(r, g, b)))
+                    .collect(),
+                targets: bits(bright_targets),
+                num_rays: 0,
+            }),
         };
         if !rest.is_empty() || header.num_rows > header.num_receivers {
             return Err(damaged().into());
@@ -300,6 +336,11 @@ impl TracedTransport {
             0 => target == NOTHING || is_index(target),
             _ => is_emitter(target & !EMITTER),
         };
+        let reflects = |i: u32| is_index(i) && !emits(scene.emissions[i as usize]);
+        let is_bright_target = |&target: &u32| match target & EMITTER {
+            0 => target == NOTHING || is_index(target),
+            _ => reflects(target & !EMITTER),
+        };
         let num_traced = self.receivers.traced.len();
         let is_source = |&row: &u32| row == NO_SOURCE || (row as usize) < num_traced;
         let has_sources = |faint: &Faint| {
@@ -312,6 +353,10 @@ impl TracedTransport {
             && self.receivers.faint.iter().all(has_sources)
             && self.matrix.targets.iter().all(is_target)
             && self.matrix.light_targets.iter().all(is_target)
+            && self.bright.iter().all(|bright| {
+                bright.surfaces.iter().all(|(i, _)| reflects(*i))
+                    && bright.targets.iter().all(is_bright_target)
+            })
     }
 }
 

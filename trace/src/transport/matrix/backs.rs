@@ -7,7 +7,7 @@
 //! starts it is another matter: discs of one surface lie at different heights and tilts, and a ray
 //! that leaves a lower one meets the backs of others, which have the light of the surface.
 
-use super::{NOTHING, Sample, Tracing, TransportMatrix};
+use super::{Aim, NOTHING, Sample, Tracing, TransportMatrix};
 use eagpt_scene::Gaussians;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -48,6 +48,20 @@ impl Front {
         }
     }
 
+    /// Whether a direction meets the Gaussian `met`, whose front it is, from behind.
+    pub(super) fn is_behind(
+        self,
+        aim: &Aim<'_>,
+        direction: Vec3,
+        (gaussians, met): (&Gaussians, usize),
+    ) -> bool {
+        let normal = self.sign() * gaussians.normal_of(met);
+        let away = direction.dot(normal);
+        let height = (gaussians.positions[met] - aim.surface.position).dot(normal);
+        // The distance along the ray is the height over the cosine.
+        away > 0.0 && height > OWN_REACH * gaussians.size_of(met) * away
+    }
+
     /// The front whose [`Self::sign`] is that of a number.
     pub fn of_sign(sign: f32) -> Self {
         match sign {
@@ -72,17 +86,10 @@ impl TransportMatrix {
                 // Neither `NOTHING` nor what has `EMITTER` is an index.
                 let met = *target as usize;
                 let front = fronts.get(met).filter(|front| **front != Front::Both);
-                let Some(sign) = front.map(|front| front.sign()) else {
-                    continue;
-                };
-                let Some(direction) = aim.direction(Sample::Bsdf(sample), 0) else {
-                    continue;
-                };
-                let normal = sign * gaussians.normal_of(met);
-                let away = direction.dot(normal);
-                let height = (gaussians.positions[met] - aim.surface.position).dot(normal);
-                // The distance along the ray is the height over the cosine.
-                if away > 0.0 && height > OWN_REACH * gaussians.size_of(met) * away {
+                let direction = aim.direction(Sample::Bsdf(sample), 0);
+                if let (Some(front), Some(direction)) = (front, direction)
+                    && front.is_behind(&aim, direction, (gaussians, met))
+                {
                     *target = NOTHING;
                 }
             }

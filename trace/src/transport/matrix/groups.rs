@@ -48,7 +48,8 @@ impl TransportMatrix {
             light.par_chunks_exact_mut(num.max(1)),
             self.targets.par_chunks_exact(bsdf),
         );
-        (rows.into_par_iter().with_min_len(256)).for_each(|(row, targets)| {
+        let rows = rows.into_par_iter().enumerate().with_min_len(256);
+        rows.for_each(|(at, (row, targets))| {
             for &target in targets {
                 // Neither `NOTHING` nor what has `EMITTER` is an index.
                 let Some(met) = radiances
@@ -61,8 +62,14 @@ impl TransportMatrix {
                     *sum += *radiance;
                 }
             }
-            for sum in row {
+            for sum in &mut *row {
                 *sum /= bsdf as f32;
+            }
+            for &(met, weight) in self.bright.row(at) {
+                let met = &radiances[met as usize * num..][..num];
+                for (sum, radiance) in row.iter_mut().zip(met) {
+                    *sum += *radiance * weight;
+                }
             }
         });
         light
