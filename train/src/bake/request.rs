@@ -26,9 +26,9 @@ pub enum BakeMethod {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GaussianBake {
     /// Directions traced at each Gaussian, at least 1: half of them are light samples, the others
-    /// serve all bounces; to what is brightly lit a quarter as many more go. Without a number it follows from that of the Gaussians
-    /// ([`irradiance::usual_samples`]), and is twice that where the light of each lamp is asked
-    /// for.
+    /// serve all bounces; to what is brightly lit a quarter as many more go. Without a number it
+    /// follows from that of the Gaussians ([`irradiance::usual_samples`]), and is twice that where
+    /// the light of each lamp is asked for.
     pub num_samples: Option<u32>,
 }
 
