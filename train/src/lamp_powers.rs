@@ -38,24 +38,34 @@ const LEAST_SHARE: f64 = 0.01;
 const BEFORE: f32 = 0.7;
 const LEAST_BEFORE: usize = 3;
 const MOST_DEVIATION: f32 = 0.1;
+/// Views from anywhere that have to agree, their deviation at most, and the largest of their
+/// cosines in the least one. Openings of shades in two rooms have .07 to .3, spots in a ceiling .02.
+const LEAST_AGREEING: usize = 3;
+const AGREEING_DEVIATION: f32 = 0.03;
+const LEAST_SPREAD: f32 = 1.25;
 /// Rounds in which factors and surfaces of one material, which are told by albedo, follow each
 /// other.
 const NUM_ROUNDS: u32 = 3;
 
 /// Whether views from `eyes` saw all that a lamp sends: it is solid and shines to all sides, or is
-/// flat, and sends most where some of them are, as much as others say. An opening of a shade shows
-/// its bulb to views along its axis alone.
+/// flat, and sends most where some of them are, as much as others say, or the same to all of them.
+/// An opening of a shade shows its bulb to views along its axis alone, and to others more or less of
+/// what that lights.
 pub(crate) fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
     if lamp.shape.is_solid() && !lamp.one_sided {
         return true;
     }
     let normal = lamp.world_from_lamp() * Vec3::Z;
-    let is_before = |eye: &Vec3| {
-        let towards = (*eye - lamp.centre()).normalize_or_zero();
-        towards.dot(normal) >= BEFORE
-    };
+    let cosine = |eye: Vec3| (eye - lamp.centre()).normalize_or_zero().dot(normal);
+    let cosines: Vec<f32> = eyes.map(cosine).filter(|cosine| *cosine > 0.0).collect();
+    let num_before = cosines.iter().filter(|cosine| **cosine >= BEFORE).count();
+    let [least, most] = [f32::min, f32::max].map(|of| cosines.iter().copied().reduce(of));
+    let is_spread = most >= least.map(|least| LEAST_SPREAD * least);
+    let agree = is_spread && cosines.len() >= LEAST_AGREEING;
     let is_flat = lamp.one_sided && lamp.shape != LampShape::Other;
-    is_flat && lamp.deviation <= MOST_DEVIATION && eyes.filter(is_before).count() >= LEAST_BEFORE
+    is_flat
+        && (num_before >= LEAST_BEFORE && lamp.deviation <= MOST_DEVIATION
+            || agree && lamp.deviation <= AGREEING_DEVIATION)
 }
 
 /// Whether one of `lamps` is a bulb in this opening of a shade: the light is that lamp's, and none

@@ -37,6 +37,8 @@ const DARK: f32 = 0.2;
 const SHALLOW: f32 = 0.05;
 /// Weight of light that no view shows.
 const WEIGHT: f64 = 1e-3;
+/// Power of a bulb in that of all lamps, at least: what is weaker is noise of one channel.
+const LEAST_POWER: f32 = 1e-3;
 /// Rounds in which intensities and surfaces of one material follow each other.
 const NUM_ROUNDS: u32 = 3;
 
@@ -79,10 +81,15 @@ pub(crate) fn find(
     let cleared = edit.applied(gaussians);
     let near = places::NEAR * reach;
     let intensities = intensities((device, &cleared), (&found, &dim, near), &compared, key)?;
-    let found = found.iter().zip(intensities);
-    let bulbs: Vec<Bulb> = found
-        .filter(|(_, intensity)| intensity.max_element() > 0.0)
-        .flat_map(|(found, intensity)| found.bulbs(intensity, around))
+    let all: f32 = lamps.iter().map(Lamp::luminous_power).sum();
+    let power = |bulbs: &[Bulb]| {
+        let powers = bulbs.iter().map(|bulb| bulb.lamp.luminous_power());
+        powers.sum::<f32>()
+    };
+    let bulbs: Vec<Bulb> = (found.iter().zip(intensities))
+        .map(|(found, intensity)| found.bulbs(intensity, around))
+        .filter(|bulbs| power(bulbs) > LEAST_POWER * all)
+        .flatten()
         .collect();
     edit.fixed = bulbs.iter().flat_map(|bulb| bulb.discs.iter()).collect();
     Ok(HiddenLamps {

@@ -12,6 +12,7 @@ use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Lamp, LightGroups, SceneError};
 use glam::Vec3;
+use std::collections::HashSet;
 
 impl Run<'_> {
     /// Multiplies the light of lamps that send more than views see, in the scene and in the list;
@@ -29,12 +30,12 @@ impl Run<'_> {
         let scene = backend.state()?.gaussians();
         let lights = LightGroups::new(&scene, &lamps)
             .map_err(|problem| SceneError::invalid(&path, "name", problem))?;
+        let measured = measured(&lamps, views);
         // Lamps without views have their power from what they light already.
         let is_free = |name: &String| {
             let lamp = lamps.named(name);
             lamp.is_some_and(|lamp| {
-                let is_known =
-                    is_measured(lamp, views.eyes(lamp)) || shows_bulb(lamp, &lamps.lamps);
+                let is_known = measured.contains(&lamp.name) || shows_bulb(lamp, &lamps.lamps);
                 !lamp.views.is_empty() && !is_known
             })
         };
@@ -78,6 +79,15 @@ impl Run<'_> {
         (self.progress)(TrainProgress::LampPowers { num, most });
         Ok(true)
     }
+}
+
+/// Names of the lamps of which views saw all that they send, and of others of their makes.
+fn measured(lamps: &Lamps, views: &Views) -> HashSet<String> {
+    let all: Vec<&Lamp> = lamps.lamps.iter().collect();
+    let is_measured = |i: &usize| is_measured(all[*i], views.eyes(all[*i]));
+    let makes = of_one_make(&all, views.up()).into_iter();
+    let known = makes.filter(|make| make.iter().any(is_measured)).flatten();
+    known.map(|i| all[i].name.clone()).collect()
 }
 
 /// The first of the `free` lights that are lamps of the same make as each, `[lights]`: what hides

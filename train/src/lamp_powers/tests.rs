@@ -97,10 +97,34 @@ fn a_flat_lamp_that_views_from_before_agree_on_is_measured() {
         is_measured(&lamp, cosines.map(eye).into_iter())
     };
     let (before, beside) = ([0.9, 0.8, 0.75, 0.2, 0.1], [0.9, 0.8, 0.3, 0.2, 0.1]);
-    assert!(is_measured(lamp(true, 0.02), before));
-    assert!(!is_measured(lamp(true, 0.02), beside));
+    assert!(is_measured(lamp(true, 0.05), before));
+    assert!(!is_measured(lamp(true, 0.05), beside));
     assert!(!is_measured(lamp(true, 0.2), before));
-    assert!(!is_measured(lamp(false, 0.02), before));
+    assert!(!is_measured(lamp(false, 0.05), before));
+}
+
+#[test]
+fn a_flat_lamp_that_is_as_bright_from_all_sides_is_measured() {
+    let lamp = |deviation: f32| Lamp {
+        one_sided: true,
+        deviation,
+        shape: LampShape::Panel,
+        ..boxed("panel-1", [0.0, 0.0, 1.0], [0.1, 0.1, 0.0])
+    };
+    let is_measured = |deviation: f32, cosines: &[f32]| {
+        let eye = |cosine: &f32| {
+            let sine = (1.0 - cosine * cosine).sqrt();
+            Vec3::new(2.0 * sine, 0.0, 1.0 + 2.0 * cosine)
+        };
+        is_measured(&lamp(deviation), cosines.iter().map(eye))
+    };
+    assert!(is_measured(0.02, &[0.3, 0.35, 0.45]));
+    assert!(!is_measured(0.05, &[0.3, 0.35, 0.45]));
+    // All from one side, or behind it.
+    assert!(!is_measured(0.02, &[0.3, 0.32, 0.34]));
+    assert!(!is_measured(0.02, &[0.3, 0.45]));
+    assert!(!is_measured(0.02, &[-0.3, 0.3, 0.45]));
+    assert!(!is_measured(0.02, &[]));
 }
 
 #[test]
