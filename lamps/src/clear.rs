@@ -6,9 +6,8 @@ use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::fit::shape_search::Fit;
 use crate::pixels::silhouette::Gaps;
 use crate::shape::{Flat, Shape};
-use eagpt_scene::lamps::BOX_MARGIN;
+use eagpt_scene::lamps::{BOX_MARGIN, emits};
 use eagpt_scene::{Gaussians, SceneEdit};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, TraceError};
 use glam::Vec3;
 
@@ -27,7 +26,7 @@ pub(crate) fn replaced(
 ) -> Vec<usize> {
     let mut nums = vec![0; lamps.len()];
     for i in 0..gaussians.len() {
-        if gaussians.emissions[i] <= EMISSION_THRESHOLD {
+        if !emits(gaussians.emissions[i]) {
             continue;
         }
         let (position, scale) = (gaussians.positions[i], gaussians.scales[i].max_element());

@@ -32,9 +32,8 @@ pub use strays::{without_heaps, without_strays};
 
 use candidates::{Candidate, explained};
 use eagpt_scene::color::luminance;
-use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
+use eagpt_scene::lamps::{Lamp, LampShape, Lamps, emits};
 use eagpt_scene::{Gaussians, SceneEdit};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
 use fit::shape_search::Fit;
 use glam::Vec3;
@@ -134,7 +133,7 @@ pub fn find(
     let (mut lamps, mut in_lights, mut lamp_of) = (Vec::new(), Vec::new(), Vec::new());
     for (((c, discs), name), num) in candidates.iter().zip(&discs).zip(names).zip(nums) {
         if let Some(discs) = discs {
-            let shines = discs.emissions.iter().map(|e| *e > EMISSION_THRESHOLD);
+            let shines = discs.emissions.iter().map(|e| emits(*e));
             lamp_of.extend(shines.map(|shines| shines.then_some(lamps.len())));
         } else if num == 0 {
             // Where there is neither a shape nor what training left, there is no lamp.

@@ -11,10 +11,9 @@ mod walls;
 
 use crate::shape::Flat;
 use crate::shape::faces::{self, Face, Solid};
-use eagpt_scene::lamps::{Lamp, Lamps};
+use eagpt_scene::lamps::{Lamp, Lamps, emits};
 use eagpt_scene::median::{SIGMA_OF_MAD, median_of};
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use glam::{Mat3, Quat, Vec3};
 use std::f32::consts::TAU;
 
@@ -93,7 +92,7 @@ fn free(
     let depth = DEPTH * narrow;
     let along = |i: usize| (gaussians.rotations[i] * Vec3::Z).dot(normal).abs() > COSINE;
     let near: Vec<(usize, Place)> = (0..num)
-        .filter(|&i| keep[i] && gaussians.emissions[i] <= EMISSION_THRESHOLD && along(i))
+        .filter(|&i| keep[i] && !emits(gaussians.emissions[i]) && along(i))
         .map(|i| (i, Place::new(&gaussians.get(i), flat)))
         .filter(|(_, place)| {
             let is_near = place.outside <= reach && place.height.abs() <= reach;

@@ -16,9 +16,9 @@ use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::shape::Shape;
 use eagpt_scene::discs::{INSET_IN_SPACINGS, Material, SCALE_IN_SPACINGS, Solid, Surface};
+use eagpt_scene::lamps::emits;
 use eagpt_scene::median::{median, median_of};
 use eagpt_scene::{Gaussian, Gaussians, Gloss, rotation};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
 use glam::{Mat3, Quat, Vec2, Vec3};
 use looks::{Bulb, Look, Ring};
@@ -264,7 +264,7 @@ impl Shade {
                 continue;
             }
             let wide = DEVIATIONS * gaussians.scales[i].max_element();
-            let is_lit = gaussians.emissions[i] > EMISSION_THRESHOLD;
+            let is_lit = emits(gaussians.emissions[i]);
             let is_below = angle(local) + (wide / distance).atan() > angle(edge)
                 && local.y / distance >= edge.normalize().y - BELOW;
             *keep &= !(is_lit || self.holds(local) || is_below);

@@ -7,10 +7,9 @@
 //! mirrors what is dark.
 
 use eagpt_scene::color::luminance;
-use eagpt_scene::lamps::{Lamp, Lamps};
+use eagpt_scene::lamps::{Lamp, Lamps, emits};
 use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussian, Gaussians};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, Ray, TraceError};
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -48,7 +47,7 @@ pub(crate) fn beside<'a>(
     let bare = bare(lamps, gaussians);
     move |i| {
         let is_near = |bare: &Bare| bare.is_beside(gaussians.positions[i]);
-        i < num_moving && gaussians.emissions[i] <= EMISSION_THRESHOLD && bare.iter().any(is_near)
+        i < num_moving && !emits(gaussians.emissions[i]) && bare.iter().any(is_near)
     }
 }
 
@@ -64,9 +63,8 @@ pub fn without_strays(
     lamps: &Lamps,
 ) -> Result<Vec<bool>, TraceError> {
     let light = |i: usize| luminance(gaussians.radiances[i].to_array());
-    let is_translucent = |i: &usize| {
-        gaussians.emissions[*i] <= EMISSION_THRESHOLD && gaussians.opacities[*i] < OPAQUE
-    };
+    let is_translucent =
+        |i: &usize| !emits(gaussians.emissions[*i]) && gaussians.opacities[*i] < OPAQUE;
     let translucent: Vec<usize> = (0..num_moving).filter(is_translucent).collect();
     let mut suspects = Vec::new();
     for bare in bare(lamps, gaussians) {
@@ -94,8 +92,7 @@ pub fn without_strays(
         return Ok(keep);
     }
     // Translucent discs would be in one another's shadow.
-    let is_there =
-        |gaussian: &Gaussian| gaussian.opacity >= OPAQUE || gaussian.emission > EMISSION_THRESHOLD;
+    let is_there = |gaussian: &Gaussian| gaussian.opacity >= OPAQUE || emits(gaussian.emission);
     let opaque: Gaussians = gaussians.iter().filter(is_there).collect();
     let rays: Vec<Ray> = suspects.iter().map(|s| s.ray(gaussians)).collect();
     let met = device.scene(&opaque)?.trace_rays(&rays)?;

@@ -19,6 +19,11 @@ use std::fmt;
 /// Emission above which a Gaussian or a blended hit is an emitter, τ_E of the paper.
 pub const EMISSION_THRESHOLD: f32 = 0.1;
 
+/// Whether a Gaussian of this emission is an emitter: it keeps its radiance whatever lights it.
+pub fn emits(emission: f32) -> bool {
+    emission > EMISSION_THRESHOLD
+}
+
 /// Grows the box of a lamp on every side, in parts of its largest size: centres of its Gaussians
 /// scatter about the clean surface, and a panel's box has no thickness of its own.
 pub const BOX_MARGIN: f32 = 0.15;

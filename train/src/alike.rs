@@ -7,10 +7,10 @@ pub(crate) mod testing;
 
 pub(crate) use fit::{Expected, Fit, Residual, Row};
 
-use crate::bake::emits;
 use crate::irradiance::smooth::Smoothing;
 use crate::segments::Segments;
 use eagpt_scene::Gaussians;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::median::median_of;
 use eagpt_trace::transport::matrix::Receiver;
 use fit::Equations;

@@ -21,16 +21,15 @@ pub mod views;
 use crate::error::Result;
 use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE};
 use eagpt_scene::files::{self, Key, Ledger, ledger};
+use eagpt_scene::lamps::{EMISSION_THRESHOLD, emits};
 use eagpt_scene::light_basis::lights_file_beside;
 use eagpt_scene::{Dataset, Gaussians, SceneError, Shard, ply};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use emitters::forget_directions;
 use gaussians::Solved;
 use request::Bake;
 use std::path::Path;
 
 pub use crate::progress::BakeProgress;
-pub(crate) use emitters::emits;
 pub use request::{BakeMethod, BakeOptions, BakeRequest, BakeSummary};
 
 /// Bakes the light of a scene.
@@ -47,7 +46,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
     }
     let mut scene = ply::read_gaussians(&request.scene)?;
     forget_directions(&mut scene);
-    if !scene.emissions.iter().any(|&e| e > EMISSION_THRESHOLD) {
+    if !scene.emissions.iter().any(|&e| emits(e)) {
         let problem =
             format!("nothing emits (emission > {EMISSION_THRESHOLD}): all would be black");
         return Err(SceneError::invalid(&request.scene, "emission", problem).into());

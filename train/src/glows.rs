@@ -11,9 +11,9 @@ mod shade;
 pub(crate) use listed::{lamp, sights};
 pub(crate) use shade::join_as_shade;
 
-use crate::bake::emits;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::color::luminance;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussians, Gloss};
 use eagpt_trace::transport::matrix::Receiver;

@@ -8,9 +8,9 @@
 
 pub mod smooth;
 
-use crate::bake::emits;
 use eagpt_scene::Gaussians;
 use eagpt_scene::color::luminance;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::transport::matrix::{Directions, Front, Receiver, Tracing, TransportMatrix};
 use eagpt_trace::{TraceError, Tracer};
@@ -30,6 +30,9 @@ const RAYS: usize = 8_000_000;
 
 /// Numbers of directions at each Gaussian that follow from [`RAYS`], at least and at most.
 const USUAL_SAMPLES: (usize, usize) = (16, 64);
+
+/// Receivers traced between two checks for a request to stop.
+pub(crate) const PIECE: usize = 4096;
 
 /// Directions at each of `num` Gaussians, unless their number is given: a power of two, for which
 /// sample points are spread best.

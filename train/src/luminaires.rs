@@ -15,11 +15,11 @@ mod search;
 mod strip;
 
 use crate::alike::{Compared, Expected};
-use crate::bake::emits;
 use crate::error::Result;
 use crate::hidden_lamps::HiddenLamps;
 use crate::lamp_powers::{direct, luminances, rows};
 use bulb::{Bulb, Found};
+use eagpt_scene::lamps::emits;
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::median::median_of;
 use eagpt_scene::rng::RandomKey;

@@ -12,11 +12,11 @@ mod fixtures;
 
 pub(crate) use fixtures::reach;
 
-use crate::bake::emits;
 use crate::error::Result;
 use crate::irradiance;
 use crate::surfaces;
 use eagpt_scene::color::luminance;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Lamps};
 use eagpt_trace::Device;

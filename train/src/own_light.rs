@@ -17,9 +17,9 @@ use crate::backend::TrainingView;
 use crate::error::Result;
 use eagpt_eval::{ExposureFit, KnownPixels, psnr_srgb};
 use eagpt_scene::color::luminance;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussians, Image};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{CameraRays, Device};
 use serde::Serialize;
 
@@ -102,7 +102,7 @@ fn add_ratios(
 ) {
     let step = reference.pixels().len().div_ceil(MOST_PIXELS);
     for i in (0..reference.pixels().len()).step_by(step) {
-        let emits = emission.is_some_and(|mask| mask.pixels()[i][0] > EMISSION_THRESHOLD);
+        let emits = emission.is_some_and(|mask| emits(mask.pixels()[i][0]));
         let [reference, test] = [reference, test].map(|image| luminance(image.pixels()[i]));
         if !emits && (LEAST_LUMINANCE..=1.0).contains(&reference) && test > 0.0 {
             ratios.push(reference / test);

@@ -3,10 +3,9 @@
 
 use crate::shape::Flat;
 use crate::shape::faces::{Face, Solid};
-use eagpt_scene::lamps::LampShape;
+use eagpt_scene::lamps::{LampShape, emits};
 use eagpt_scene::median::median;
 use eagpt_scene::{Gaussians, rotation};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use glam::{Mat3, Quat, Vec3};
 
 /// Distance from a tube within which there is its wall, in diameters.
@@ -37,9 +36,8 @@ pub(crate) fn behind(
         let across = away.reject_from_normalized(axis);
         along <= 0.5 * size.z + reach && across.length() <= reach && across.dot(front) <= 0.0
     };
-    let near = (0..num).filter(|&i| {
-        gaussians.emissions[i] <= EMISSION_THRESHOLD && is_behind(gaussians.positions[i])
-    });
+    let near =
+        (0..num).filter(|&i| !emits(gaussians.emissions[i]) && is_behind(gaussians.positions[i]));
     let normals: Vec<Vec3> = near
         .map(|i| gaussians.rotations[i] * Vec3::Z)
         .map(|normal| normal * normal.dot(front).signum())

@@ -6,12 +6,12 @@
 //! Gaussians, and the image is linear in the albedo. The radiance of a diffuse Gaussian over its
 //! irradiance is its albedo in closed form, `ρ = π r / E`: the start of the image loss.
 
-use crate::bake::emits;
 use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
 use crate::irradiance::{self, NoisyLight};
 use crate::surfaces;
 use eagpt_scene::gaussians::MAX_ALBEDO;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;

@@ -5,7 +5,7 @@
 
 use super::receivers::Receivers;
 use crate::error::Result;
-use crate::irradiance;
+use crate::irradiance::{self, PIECE};
 use eagpt_scene::Gaussians;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_trace::Device;
@@ -18,9 +18,6 @@ use glam::Vec3;
 
 /// Light samples to emitters for one to a bright surface.
 const EVERY: u32 = 2;
-/// Receivers traced between two looks at whether to go on.
-const PIECE: usize = 4096;
-
 /// Bright surfaces of a scene that reflect, and the light samples that receivers send there.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct BrightSurfaces {

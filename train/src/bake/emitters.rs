@@ -1,13 +1,8 @@
 //! Emitters keep their light, whatever is baked.
 
+use eagpt_scene::lamps::emits;
 use eagpt_scene::{Gaussians, Harmonics};
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use glam::Vec3;
-
-/// True for an emitter, which keeps its radiance.
-pub(crate) fn emits(emission: f32) -> bool {
-    emission > EMISSION_THRESHOLD
-}
 
 /// Makes the radiance of what reflects the same in all directions; emitters keep their harmonics.
 pub(super) fn forget_directions(scene: &mut Gaussians) {

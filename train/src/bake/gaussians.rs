@@ -22,10 +22,10 @@ use super::lamps::evened;
 use super::receivers::Receivers;
 use super::request::Bake;
 use super::series::{DirectParts, Exchange, sum_of_bounces};
-use super::transport::{PIECE, TracedTransport};
+use super::transport::TracedTransport;
 use super::unlit::Unlit;
 use crate::error::{Result, TrainError};
-use crate::irradiance;
+use crate::irradiance::{self, PIECE};
 use crate::progress::BakeProgress;
 use eagpt_scene::files::{Key, digest};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
@@ -194,16 +194,14 @@ impl Bake<'_> {
         let Some(mut traced) = self.trace_rows(tracer, traced, directions, &path)? else {
             return Ok(None);
         };
-        if traced.bright.is_none() {
-            if !self.trace_bright(&mut traced, directions)? {
-                traced.write(&path)?;
-                return Ok(None);
-            }
-            if self.request.transport.is_some() {
-                traced.write(&path)?;
-            }
+        if traced.bright.is_some() {
+            return Ok(Some(traced));
         }
-        Ok(Some(traced))
+        let is_whole = self.trace_bright(&mut traced, directions);
+        if self.request.transport.is_some() || !matches!(is_whole, Ok(true)) {
+            traced.write(&path)?;
+        }
+        Ok(is_whole?.then_some(traced))
     }
 
     /// Traces light samples to what is bright where all rows are traced; `false` if it was stopped.

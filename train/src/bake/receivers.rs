@@ -5,11 +5,11 @@
 //! take the mean irradiance of the nearest of these on the same surface (as records of an
 //! irradiance cache: Ward et al. 1988).
 
-use super::emitters::emits;
 use super::request::Told;
 use crate::error::Result;
 use crate::progress::BakeProgress;
 use crate::surfaces::{self, BestSeen};
+use eagpt_scene::lamps::emits;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::{Front, Receiver};

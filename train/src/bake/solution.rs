@@ -1,15 +1,15 @@
 //! Light baking in Gaussian space of a scene in memory: nothing is stored, nothing resumes.
 
 use super::bright::BrightSurfaces;
-use super::emitters::{emits, forget_directions, with_emitters};
+use super::emitters::{forget_directions, with_emitters};
 use super::highlights::Highlights;
 use super::receivers::Receivers;
 use super::request::{GaussianBake, Told};
 use super::series::{Exchange, sum_of_bounces};
-use super::transport::PIECE;
 use crate::error::Result;
-use crate::irradiance;
+use crate::irradiance::{self, PIECE};
 use crate::progress::BakeProgress;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::transport::bsdf::equivalent_albedos;

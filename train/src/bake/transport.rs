@@ -13,9 +13,9 @@
 mod file;
 
 use super::bright::BrightSurfaces;
-use super::emitters::emits;
 use super::receivers::Receivers;
 use eagpt_scene::files::Key;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Gaussian, Gaussians, LightGroups};
 use eagpt_trace::surfel::SurfelSet;
@@ -28,9 +28,6 @@ use glam::Vec3;
 /// that it had when they were chosen. The noise that it adds is at most that of as many times fewer
 /// samples.
 const MAX_UNDERRATED: f64 = 4.0;
-
-/// Receivers traced between two checks for a request to stop.
-pub(super) const PIECE: usize = 4096;
 
 /// Radiance and emission of an emitter.
 type EmitterLight = [f32; 4];

@@ -5,10 +5,10 @@
 //! Lamps are convex: what discs of a lamp seem to receive of their own lamp is left out.
 
 use super::receivers::Receivers;
-use super::transport::{PIECE, TracedTransport};
+use super::transport::TracedTransport;
 use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
-use crate::irradiance::{self, NoisyLight};
+use crate::irradiance::{self, NoisyLight, PIECE};
 use crate::surfaces;
 use eagpt_scene::files::Key;
 use eagpt_scene::rng::RandomKey;

@@ -5,7 +5,7 @@ use super::observe::Observations;
 use super::planes::{Planes, SurfacePlane};
 use crate::segments::Segments;
 use eagpt_scene::Gaussians;
-use eagpt_trace::transport::EMISSION_THRESHOLD;
+use eagpt_scene::lamps::emits;
 use eagpt_trace::transport::matrix::Receiver;
 use glam::{Mat3, Quat, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -90,7 +90,7 @@ pub(super) fn parts(
     };
     let found: Vec<Option<Part>> = open.par_iter().map(around).collect();
     parts.extend(found.into_iter().flatten());
-    let emits = |part: &Part| gaussians.emissions[part.gaussian as usize] > EMISSION_THRESHOLD;
+    let emits = |part: &Part| emits(gaussians.emissions[part.gaussian as usize]);
     parts.retain(|part| !emits(part));
     parts
 }

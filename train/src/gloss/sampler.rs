@@ -2,8 +2,8 @@
 
 use super::fit::{Lobe, NUM};
 use eagpt_scene::color::luminance;
+use eagpt_scene::lamps::emits;
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::bsdf::Bsdf;
 use eagpt_trace::transport::points::Points;
 use eagpt_trace::transport::start::Surface;
@@ -75,7 +75,7 @@ impl Sampler<'_> {
         let met = self.scene.attributes(hit.index);
         // The back of what cameras see is mostly dark, as the underside of a table is.
         let is_back = direction.dot(self.fronts[hit.index as usize]) > 0.0;
-        if is_back && met.emission() <= EMISSION_THRESHOLD {
+        if is_back && !emits(met.emission()) {
             return;
         }
         let [x, y, z] = met.radiance().to_array();

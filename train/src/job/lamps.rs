@@ -4,13 +4,12 @@
 use super::lit_pixels::lit_pixels;
 use super::run::Run;
 use crate::backend::Backend;
-use crate::bake::emits;
 use crate::error::Result;
 use crate::luminous::{luminous, reach};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_lamps::{Evidence, Found, Kinds};
-use eagpt_scene::lamps::{Lamps, read_lamps, write_lamps};
+use eagpt_scene::lamps::{Lamps, emits, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, LampShape};
 use eagpt_trace::Tracer;

@@ -3,8 +3,8 @@
 //! A socket of metal beside a bulb, or the paper around it, is as bright as lamps are, emits, and is
 //! in no lamp's box: it would shine on with the lamp off. Its light is that of the nearest lamp.
 
-use crate::bake::emits;
 use eagpt_scene::color::luminance;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::{Gaussians, Lamps};
 use std::f32::consts::PI;
 

@@ -2,7 +2,6 @@
 
 use super::{OwnLight, compare};
 use crate::backend::TrainingView;
-use crate::bake::emits;
 use crate::bake::gaussians::GaussianBake;
 use crate::bake::solution::Solution;
 use crate::energy::MAX_SURFACE;
@@ -10,6 +9,7 @@ use crate::error::Result;
 use crate::irradiance::usual_samples;
 use crate::progress::BakeProgress;
 use eagpt_scene::gaussians::MAX_ALBEDO;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Device;

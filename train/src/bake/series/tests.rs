@@ -1,9 +1,10 @@
-use super::super::emitters::{emits, with_emitters};
+use super::super::emitters::with_emitters;
 use super::super::receivers::Receivers;
 use super::super::transport::TracedTransport;
 use super::super::unlit::Unlit;
 use super::*;
 use eagpt_scene::files::Key;
+use eagpt_scene::lamps::emits;
 use eagpt_scene::light_basis::{LightGroups, NO_LIGHT};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, LightBasis};

@@ -1,11 +1,11 @@
 //! The file of a traced transport: a sealed header, and arrays of it.
 
 use super::super::bright::{self, BrightSurfaces};
-use super::super::emitters::emits;
 use super::super::receivers::{Faint, NO_SOURCE, NUM_SOURCES, Receivers, Sources};
 use super::{TracedTransport, emitters};
 use crate::error::Result;
 use eagpt_scene::files::{Key, SealedFormat};
+use eagpt_scene::lamps::emits;
 use eagpt_scene::{Gaussians, SceneError};
 use eagpt_trace::transport::matrix::{
     Directions, EMITTER, Front, NOTHING, Receiver, TransportMatrix,
