@@ -134,8 +134,8 @@ mod tests {
         }
     }
 
-    /// Which of `discs` stay: a ball lamp hangs 1 m before a wall, and 3 m before the cameras, whose
-    /// backs are towards the rest of the room.
+    /// Which of `discs` stay: a ball lamp hangs 1 m before a wall, and 3 m before the cameras,
+    /// whose backs are towards the rest of the room.
     fn kept(discs: &[Gaussian], shape: LampShape) -> Vec<bool> {
         let wall = disc(Vec3::new(0.0, 1.0, 0.0), 5.0, WALL);
         let lamp_disc = Gaussian {

@@ -39,7 +39,8 @@ const BEFORE: f32 = 0.7;
 const LEAST_BEFORE: usize = 3;
 const MOST_DEVIATION: f32 = 0.1;
 /// Views from anywhere that have to agree, their deviation at most, and the largest of their
-/// cosines in the least one. Openings of shades in two rooms have .07 to .3, spots in a ceiling .02.
+/// cosines in the least one. Openings of shades in two rooms have .07 to .3, spots in a ceiling
+/// .02.
 const LEAST_AGREEING: usize = 3;
 const AGREEING_DEVIATION: f32 = 0.03;
 const LEAST_SPREAD: f32 = 1.25;
@@ -49,8 +50,8 @@ const NUM_ROUNDS: u32 = 3;
 
 /// Whether views from `eyes` saw all that a lamp sends: it is solid and shines to all sides, or is
 /// flat, and sends most where some of them are, as much as others say, or the same to all of them.
-/// An opening of a shade shows its bulb to views along its axis alone, and to others more or less of
-/// what that lights.
+/// An opening of a shade shows its bulb to views along its axis alone, and to others more or less
+/// of what that lights.
 pub(crate) fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
     if lamp.shape.is_solid() && !lamp.one_sided {
         return true;

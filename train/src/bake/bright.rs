@@ -35,8 +35,8 @@ pub(super) fn num_samples(directions: Directions) -> u32 {
 }
 
 impl BrightSurfaces {
-    /// What would be bright in the first bounce if all were white: traced receivers have this
-    /// irradiance over π of the emitters, `[receivers]`. Samples serve any albedos.
+    /// Surfaces that would be bright in the first bounce if all were white: traced receivers have
+    /// this irradiance over π of the emitters, `[receivers]`. Samples serve any albedos.
     pub(super) fn new(scene: &Gaussians, receivers: &Receivers, direct: &[Vec3]) -> Self {
         let mut white = vec![Vec3::ZERO; scene.len()];
         for (i, sources) in receivers.each() {

@@ -45,8 +45,8 @@ impl LampOptions {
         self.clean && iteration > self.first(total) && is_time(FREED_EVERY, iteration, total)
     }
 
-    /// Whether floaters beside clean lamps go after `iteration` of `total`: when lamps become clean,
-    /// now and then, and at the end.
+    /// Whether floaters beside clean lamps go after `iteration` of `total`: when lamps become
+    /// clean, now and then, and at the end.
     pub fn is_cleared(&self, iteration: u32, total: u32) -> bool {
         let becomes = iteration == self.first(total) || iteration == due(self.after, total);
         let is_time = becomes || is_time(CLEARED_EVERY, iteration, total);

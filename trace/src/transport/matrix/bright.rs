@@ -84,12 +84,12 @@ impl TransportMatrix {
             ..tracing.directions
         };
         let [bsdf, num] = [directions.bsdf as usize, samples.num as usize];
-        let sampler = |key| Sampler {
+        let cosine = tracing.sampler();
+        let to_bright = Sampler {
             lights: Some(samples.lights),
             directions,
-            key,
+            key: samples.key,
         };
-        let [cosine, to_bright] = [tracing.key, samples.key].map(sampler);
         let rows = (self.targets)
             .par_chunks_exact_mut(bsdf)
             .zip(tracing.receivers)
@@ -107,7 +107,7 @@ impl TransportMatrix {
                         if samples.is_bright.get(*target as usize) == Some(&true)
                             && let Some(direction) = cosine.direction(sample, realization)
                         {
-                            row.push((*target, cosine.weight(direction, realization)));
+                            row.push((*target, to_bright.weight(direction, realization)));
                             *target = NOTHING;
                         }
                     }
