@@ -123,12 +123,6 @@ impl Sight {
         Rays::through(&self.frame, places.map(|[x, y]| [left + x, top + y]))
     }
 
-    /// Unit directions through the middles of `num` × `num` equal parts of a pixel.
-    pub(crate) fn directions(&self, pixel: &Pixel, num: u32) -> impl Iterator<Item = Vec3> {
-        let within = move |k: u32| (k as f32 + 0.5) / num as f32;
-        (0..num * num).map(move |k| self.direction(pixel, within(k % num), within(k / num)))
-    }
-
     /// Radiance of the region of a lit pixel.
     pub(crate) fn level(&self, pixel: &Pixel) -> Level {
         self.levels[pixel.region as usize]

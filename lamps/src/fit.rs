@@ -38,6 +38,9 @@ const SHARE_INSIDE: f32 = 0.4;
 /// Residual of a fit beyond which a lamp is left as it was trained, if a view shows it large,
 /// or smaller.
 const MAX_RESIDUAL: [f32; 2] = [0.06, 0.45];
+/// Residual of a flat shape in that of a solid one which views do not agree on, at most, from which
+/// on it is the opening of a shade, whose inside is lit unevenly.
+const OPENING: f32 = 2.0;
 /// Residual up to which a lamp needs no box to explain it, and a large one no bars, …
 const PERFECT: f32 = 0.015;
 /// … and beyond which it may be a box though it shows no edges.
@@ -145,6 +148,8 @@ fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option
     }
     fits.sort_by(Scored::order);
     let mut best = fits.first()?.fit;
+    let mut all = fits.iter().map(|found| found.fit);
+    let flat = all.find(|fit| fit.shape.flat().is_some());
     if by_flux && best.is_clean(group) && !is_wide {
         let bar = fits
             .iter()
@@ -155,6 +160,10 @@ fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option
         fits.extend(search.best(&bars, 1));
         let agreed = search.agreed(&fits);
         best = agreed.first().map_or(best, |agreed| agreed.fit);
+        let opening = flat.filter(|flat| flat.residual <= OPENING * best.residual);
+        best = opening
+            .filter(|_| search.is_uneven(&best.shape))
+            .unwrap_or(best);
     }
     let hidden = with_bars(evidence, group, &best, &patches)
         .or_else(|| shades::fit(centre, radius, &patches, best.residual))

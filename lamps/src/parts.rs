@@ -40,20 +40,25 @@ pub(crate) fn all(evidence: &Evidence, group: Group, whole: Fit, up: Vec3) -> Ve
     parted(evidence, &group, &whole, up).unwrap_or_else(|| vec![(group, whole)])
 }
 
-/// The pixels of `group` that each of `shapes` has: those that meet it, or miss it by least, and by
-/// no more than it is large.
+/// The pixels of `group` that each of `shapes` has: those that meet it first, or miss it by least,
+/// and by no more than it is large.
 pub(crate) fn among(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec<Group> {
     let of_pixel = |member: &(u32, u32)| {
         let (sight, pixel) = evidence.pixel(member);
+        let origin = sight.origin();
         let off = |shape: &Shape| {
-            let off = shape.off(sight.origin(), pixel.direction);
-            let is_far = off * shape.centre().distance(sight.origin()) > shape.size().length();
-            (off, is_far)
+            let off = shape.off(origin, pixel.direction);
+            let met = shape.meet(origin, pixel.direction);
+            let is_far = off * shape.centre().distance(origin) > shape.size().length();
+            (off, met.unwrap_or(f32::INFINITY), is_far)
         };
         let nearest = shapes.iter().map(off).enumerate();
-        let nearest = nearest.min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        let nearest = nearest.min_by(|(_, a), (_, b)| {
+            let by_off = a.0.total_cmp(&b.0);
+            by_off.then(a.1.total_cmp(&b.1))
+        });
         match nearest {
-            Some((shape, (_, false))) => shape,
+            Some((shape, (.., false))) => shape,
             _ => shapes.len(),
         }
     };

@@ -42,6 +42,9 @@ const NUM_FINE: usize = 3;
 /// Steps, in widths of a pixel, and their number, by which a search begins nearer and farther.
 const FARTHER_PIXELS: f32 = 2.0;
 const NUM_FARTHER: i32 = 2;
+/// Standard deviation of the flux between views from which on a lamp is no solid one. In twelve
+/// rooms that of tubes and boxes with their true power is at most 0.12.
+const UNEVEN: f32 = 0.25;
 /// Residual of a shape that views agree on, in that of the best one, at most.
 const AS_GOOD: f32 = 2.0;
 /// Standard deviation of the flux between views that speaks against a shape as much as a residual
@@ -246,6 +249,14 @@ impl<'a> ShapeSearch<'a> {
         self.beside.is_some_and(|Beside { mount, is_lit }| {
             is_lit && flat.normal().dot(mount.normal) > AWAY
         })
+    }
+
+    /// Whether the flux of views differs by more than it does of a solid lamp with edges or an
+    /// axis, if the shape is one.
+    pub(crate) fn is_uneven(&self, shape: &Shape) -> bool {
+        let is_long = matches!(shape, Shape::Tube { .. } | Shape::Box { .. });
+        let measured = self.views.measure(shape);
+        is_long && measured.is_some_and(|measured| measured.deviation > UNEVEN)
     }
 
     /// The best fits of searches about some by their residual and by how far views agree on their

@@ -5,16 +5,14 @@ use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::group::Group;
 use crate::pixels::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
-use crate::shape::meet::ShapeFrom;
+use crate::shape::meet::{PLACES, ShapeFrom};
 use eagpt_scene::color::luminance;
 use eagpt_scene::median::{median_of, weighted_median};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashSet;
 
-/// Rays along each axis of a pixel, …
-const RAYS: usize = 4;
-/// … and along each axis of that and of its neighbours, to their middles.
+/// Rays along each axis of a pixel and of its neighbours.
 const RAYS_AROUND: usize = 7;
 const CORNERS: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
 /// Part of a lamp's solid angle that may be hidden, or beyond the edge of the picture, in a view
@@ -217,8 +215,7 @@ impl View<'_> {
         };
         let seen = ShapeFrom::new(shape, sight.origin());
         let away = AWAY_PIXELS * sight.pixel_width();
-        let inside: [[f32; 2]; RAYS * RAYS] = places(RAYS, 0.5 / RAYS as f32, 1.0 / RAYS as f32);
-        let around: [[f32; 2]; RAYS_AROUND * RAYS_AROUND] = places(RAYS_AROUND, -1.0, 0.5);
+        let around = places_around();
         // A pixel of its own that is nowhere near it shows a lamp that touches it.
         let is_near = |pixel: &Pixel| seen.part_met(&sight.rays(pixel, &around)).0 > 0.0;
         for (i, pixel) in sight.near(&seen, away) {
@@ -227,7 +224,7 @@ impl View<'_> {
             let cover = if is_plain && (corners == 0.0 || corners == 1.0) {
                 corners
             } else {
-                seen.part_met(&sight.rays(pixel, &inside)).0
+                seen.part_met(&sight.rays(pixel, &PLACES)).0
             };
             let is_own = own[i];
             // The lamp that has the rest of the pixel.
@@ -297,9 +294,11 @@ fn luminance_filled(evidence: &Evidence, group: &Group) -> Option<f32> {
     (!values.is_empty()).then(|| median_of(values.into_iter()))
 }
 
-/// Places on a grid of `num` rows and columns, from `first` and a `step` apart along both axes.
-fn places<const N: usize>(num: usize, first: f32, step: f32) -> [[f32; 2]; N] {
-    std::array::from_fn(|i| [i % num, i / num].map(|k| first + k as f32 * step))
+/// Places in a pixel and its neighbours: their corners, the middles of their edges, and their own
+/// middles.
+fn places_around() -> [[f32; 2]; RAYS_AROUND * RAYS_AROUND] {
+    let place = |k: usize| 0.5 * k as f32 - 1.0;
+    std::array::from_fn(|i| [i % RAYS_AROUND, i / RAYS_AROUND].map(place))
 }
 
 /// Places of a lamp's `own` pixels and of their neighbours.

@@ -3,7 +3,7 @@
 use crate::evidence::{Evidence, Lit, Pixel, Sight, rim};
 use crate::group::Group;
 use crate::shape::Shape;
-use crate::shape::meet::{PixelRays, RAYS, ShapeFrom};
+use crate::shape::meet::{PLACES, PixelRays, ShapeFrom};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -63,12 +63,11 @@ impl Patch {
 /// The views with most pixels of the lamp.
 pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Vec<Patch> {
     let bright = brightness(evidence, group);
-    let is_inside = |member| evidence.pixel(member).1.lit == Lit::Inside;
-    let is_thin = !group.members.iter().any(is_inside);
     (group.best_views(MAX_VIEWS).into_iter())
         .map(|(view, own)| {
             let sight = &evidence.sights[view];
             let of_own = || own.iter().map(|&i| &sight.pixels[i as usize]);
+            let is_thin = !of_own().any(|pixel| pixel.lit == Lit::Inside);
             let bounds = |of: fn(&Pixel) -> u32| {
                 let values = of_own().map(of);
                 (values.clone().min().unwrap_or(0), values.max().unwrap_or(0))
@@ -113,7 +112,7 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                     Lit::Dark => 0.0,
                 };
                 targets.push(Target {
-                    rays: PixelRays::new(sight.directions(pixel, RAYS)),
+                    rays: PixelRays::new(sight.rays(pixel, &PLACES), pixel.direction),
                     cover,
                     weight: pixel.weight,
                     solid_angle: pixel.solid_angle,

@@ -7,14 +7,12 @@ use crate::shape::{Flat, Shape};
 use eagpt_scene::camera::RayFrame;
 use glam::{Mat3, Vec3};
 
-/// Rays along each axis of a pixel.
-pub(crate) const RAYS: u32 = 3;
-/// Rays of a pixel, row by row, and three more in its middle, which fill registers.
-const LANES: usize = 12;
-const NUM: usize = (RAYS * RAYS) as usize;
-/// Which of these are in the corners, and the one in the middle.
-const CORNERS: [usize; 4] = [0, 2, 6, 8];
-const MIDDLE: usize = 4;
+/// Rays of a pixel.
+const NUM: usize = 16;
+/// Their places in it, 0 to 1, each in a row and a column of its own (Hammersley 1960): an edge
+/// along an axis of the picture passes them one by one as it moves, where a grid of as many has
+/// four rows.
+pub(crate) const PLACES: [[f32; 2]; NUM] = hammersley();
 
 /// Distance at which a ray meets nothing.
 const NOWHERE: f32 = f32::INFINITY;
@@ -28,7 +26,7 @@ pub(crate) struct Rays<const N: usize> {
 }
 
 impl<const N: usize> Rays<N> {
-    fn new(directions: [Vec3; N]) -> Self {
+    pub(crate) fn new(directions: [Vec3; N]) -> Self {
         Self {
             x: directions.map(|d| d.x),
             y: directions.map(|d| d.y),
@@ -61,23 +59,20 @@ impl<const N: usize> Rays<N> {
 /// Unit directions of the rays of a pixel.
 #[derive(Clone)]
 pub(crate) struct PixelRays {
-    rays: Rays<LANES>,
-    /// Distance between the directions in the corners and in the middle.
+    rays: Rays<NUM>,
+    middle: Vec3,
+    /// Distance between the farthest of the directions and the one in the middle.
     width: f32,
 }
 
 impl PixelRays {
-    /// Of unit directions, row by row.
-    pub(crate) fn new(directions: impl IntoIterator<Item = Vec3>) -> Self {
-        let mut all = [Vec3::ZERO; LANES];
-        for (lane, direction) in all[..NUM].iter_mut().zip(directions) {
-            *lane = direction;
-        }
-        let middle = all[MIDDLE];
-        all[NUM..].fill(middle);
+    /// `rays` of a pixel about its `middle`, a unit direction.
+    pub(crate) fn new(rays: Rays<NUM>, middle: Vec3) -> Self {
+        let distances = rays.map(|ray| ray.distance(middle));
         Self {
-            rays: Rays::new(all),
-            width: all[CORNERS[0]].distance(middle),
+            rays,
+            middle,
+            width: distances.into_iter().fold(0.0, f32::max),
         }
     }
 }
@@ -168,17 +163,10 @@ impl<'a> ShapeFrom<'a> {
 
     /// Part of a pixel's rays that meet the shape, and the farthest place where they do.
     pub(crate) fn cover(&self, pixel: &PixelRays) -> (f32, f32) {
-        if !self.is_near(pixel.rays.get(MIDDLE), pixel.width) {
+        if !self.is_near(pixel.middle, pixel.width) {
             return (0.0, 0.0);
         }
-        let distances = self.meet_all(&pixel.rays);
-        // All shapes are convex: what all corners meet, the others do as well, and not farther.
-        let [a, b, c, d] = CORNERS.map(|corner| distances[corner]);
-        let farthest = a.max(b).max(c).max(d);
-        if farthest < NOWHERE {
-            return (1.0, farthest);
-        }
-        met(&distances[..NUM])
+        self.part_met(&pixel.rays)
     }
 
     /// Squared distance of the middle from the line of a ray.
@@ -206,6 +194,22 @@ impl Shape {
         direction.angle_between(to_centre)
             - (0.5 * self.thinnest() / to_centre.length()).min(1.0).asin()
     }
+}
+
+const fn hammersley() -> [[f32; 2]; NUM] {
+    let mut places = [[0.0; 2]; NUM];
+    let mut i = 0;
+    while i < NUM {
+        let reversed = i.reverse_bits() >> (usize::BITS - NUM.trailing_zeros());
+        places[i] = [place(i), place(reversed)];
+        i += 1;
+    }
+    places
+}
+
+/// The middle of one of as many equal parts of 0 to 1 as a pixel has rays.
+const fn place(part: usize) -> f32 {
+    (part as f32 + 0.5) / NUM as f32
 }
 
 /// Part of `distances` at which rays meet something, and the farthest of these.

@@ -1,6 +1,7 @@
 //! Shares of shapes in patches of rays that are known.
 
 use super::*;
+use crate::shape::meet::Rays;
 
 /// A patch about a lamp has a part of the pixels of a ball that is larger.
 #[test]
@@ -13,10 +14,11 @@ fn the_share_of_a_ball_that_is_shown_is_of_the_whole_ball() {
     let patch = |rows: std::ops::Range<i16>| {
         let pixels = rows.flat_map(|y| (-40..40_i16).map(move |x| (f32::from(x), f32::from(y))));
         let targets = pixels.map(|(x, y)| Target {
-            rays: PixelRays::new((0..9_u8).map(|i| {
-                let [u, v] = [i % 3, i / 3].map(|k| (f32::from(k) + 0.5) / 3.0);
-                Vec3::new(width * (x + u), width * (y + v), 1.0).normalize()
-            })),
+            rays: {
+                let direction =
+                    |[u, v]: [f32; 2]| Vec3::new(width * (x + u), width * (y + v), 1.0).normalize();
+                PixelRays::new(Rays::new(PLACES.map(direction)), direction([0.5; 2]))
+            },
             cover: 1.0,
             weight: 1.0,
             solid_angle: width * width / Vec3::new(width * x, width * y, 1.0).length().powi(3),
@@ -28,7 +30,7 @@ fn the_share_of_a_ball_that_is_shown_is_of_the_whole_ball() {
             distances: Vec::new(),
         }
     };
-    // Pixels at the edge are covered to a ninth.
+    // Pixels at the edge are covered to a sixteenth.
     for (rows, share) in [(-40..40, 1.0), (0..40, 0.5), (-40..0, 0.5), (-60..-50, 0.0)] {
         let shown = patch(rows.clone()).share_shown(&ball);
         assert!((shown - share).abs() < 0.01, "{rows:?}: {shown}");

@@ -2,6 +2,16 @@ use super::*;
 use glam::Quat;
 use std::f32::consts::PI;
 
+#[test]
+fn the_rays_of_a_pixel_are_in_rows_and_columns_of_their_own() {
+    let middles: Vec<f32> = (0..16_u8).map(|i| (f32::from(i) + 0.5) / 16.0).collect();
+    for axis in [0, 1] {
+        let mut places = PLACES.map(|place| place[axis]);
+        places.sort_by(f32::total_cmp);
+        assert_eq!(places.as_slice(), middles);
+    }
+}
+
 /// Whole rows of pixels across shapes: as many rays of each are met as one by one.
 #[test]
 fn what_a_pixel_shows_is_what_its_rays_meet() {
@@ -40,16 +50,14 @@ fn what_a_pixel_shows_is_what_its_rays_meet() {
         let mut nums = [0; 3];
         for i in 0..4096 {
             let (x, y) = ((i % 64) as f32 - 32.0, (i / 64) as f32 - 32.0);
-            let rays: [Vec3; 9] = std::array::from_fn(|k| {
-                let (dx, dy) = ((k % 3) as f32 / 3.0, (k / 3) as f32 / 3.0);
-                Vec3::new(0.02 * (x + dx), 0.02 * (y + dy), 1.0).normalize()
-            });
+            let direction =
+                |[dx, dy]: [f32; 2]| Vec3::new(0.02 * (x + dx), 0.02 * (y + dy), 1.0).normalize();
+            let rays = PLACES.map(direction);
             let met: Vec<f32> = rays.iter().filter_map(|ray| seen.meet(*ray)).collect();
-            let (share, farthest) = seen.cover(&PixelRays::new(rays));
-            assert_eq!(share, met.len() as f32 / 9.0, "{shape:?} {x} {y}");
-            // The distance is convex, or of a plane all but straight, between the corners.
-            let all = met.iter().copied().fold(0.0, f32::max);
-            assert!((farthest - all).abs() <= 1e-3 * all, "{farthest} {all}");
+            let pixel = PixelRays::new(Rays::new(rays), direction([0.5; 2]));
+            let (share, farthest) = seen.cover(&pixel);
+            assert_eq!(share, met.len() as f32 / 16.0, "{shape:?} {x} {y}");
+            assert_eq!(farthest, met.iter().copied().fold(0.0, f32::max));
             nums[usize::from(share > 0.0) + usize::from(share == 1.0)] += 1;
         }
         assert!(nums.iter().all(|num| *num > 50), "{nums:?}");
