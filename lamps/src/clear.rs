@@ -6,6 +6,7 @@ use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::fit::shape_search::Fit;
 use crate::pixels::silhouette::Gaps;
 use crate::shape::{Flat, Shape};
+use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{BOX_MARGIN, emits};
 use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::{Device, TraceError};
@@ -13,20 +14,28 @@ use glam::Vec3;
 
 /// Grows the box of a lamp beyond [`BOX_MARGIN`], in sizes of the Gaussian that may lie in it.
 const SIZE_MARGIN: f32 = 1.0;
+/// Radiance over that of a clean lamp beside it from which on a Gaussian is no surface that the
+/// lamp lights: of a wall that a panel touches at a right angle it covers half of the view.
+const AS_BRIGHT: f32 = 0.5;
 /// Opaque pixels' worth of weight that a Gaussian may have before lit pixels.
 const MAX_BEFORE: f32 = 0.05;
 /// Share of a Gaussian's weight in lit pixels from which on it is a part of what it shows there.
 const SHARE_LIT: f32 = 0.6;
 
-/// Marks the Gaussians that clean lamps replace; returns how many are each lamp's.
+/// Marks the Gaussians that clean lamps replace: those that emit, and what is as bright as a lamp
+/// whose light nothing bounds. Returns how many emit at each lamp.
 pub(crate) fn replaced(
     gaussians: &Gaussians,
     lamps: &[Candidate],
     keep: &mut [bool],
 ) -> Vec<usize> {
+    let least: Vec<f32> = lamps.iter().map(least_of_heap).collect();
+    let least_of_all = least.iter().copied().fold(f32::INFINITY, f32::min);
     let mut nums = vec![0; lamps.len()];
     for i in 0..gaussians.len() {
-        if !emits(gaussians.emissions[i]) {
+        let emits = emits(gaussians.emissions[i]);
+        let light = luminance(gaussians.radiances[i].to_array());
+        if !emits && light < least_of_all {
             continue;
         }
         let (position, scale) = (gaussians.positions[i], gaussians.scales[i].max_element());
@@ -36,11 +45,24 @@ pub(crate) fn replaced(
         if let Some((k, distance)) = nearest
             && distance <= 0.0
         {
-            keep[i] &= !lamps[k].is_clean;
-            nums[k] += 1;
+            let is_part = emits || light >= least[k];
+            keep[i] &= !(lamps[k].is_clean && is_part);
+            nums[k] += usize::from(emits);
         }
     }
     nums
+}
+
+/// Radiance from which on what is beside a lamp is part of the heap that it was.
+fn least_of_heap(lamp: &Candidate) -> f32 {
+    // Inside a shade light goes to and fro, and bars hide what is as bright as the window.
+    let is_bound = lamp.shade.is_some() || lamp.fit.gaps != Gaps::Seen;
+    let radiance = luminance(lamp.measured.radiance.to_array());
+    if is_bound {
+        f32::INFINITY
+    } else {
+        AS_BRIGHT * radiance
+    }
 }
 
 /// Distance of a Gaussian of size `scale` from the grown box of a shape, negative inside.

@@ -11,6 +11,7 @@ mod walls;
 
 use crate::shape::Flat;
 use crate::shape::faces::{self, Face, Solid};
+use crate::strays::OPAQUE;
 use eagpt_scene::lamps::{Lamp, Lamps, emits};
 use eagpt_scene::median::{SIGMA_OF_MAD, median_of};
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
@@ -75,8 +76,8 @@ impl Place {
 
 /// Frees a face of a lamp of the `num` first Gaussians, but for those that are not to `keep`: of
 /// those along its plane the ones that stick out of its mount before it go behind it and all of the
-/// mount lie along it, and those that hang before the lamp itself are taken out. Returns what
-/// becomes of which, `None` for those taken out.
+/// mount lie along it, and those that hang before the lamp itself are taken out, and so are
+/// translucent ones across it. Returns what becomes of which, `None` for those taken out.
 fn free(
     gaussians: &Gaussians,
     num: usize,
@@ -91,14 +92,15 @@ fn free(
     let reach = reach.max(face.blur);
     let depth = DEPTH * narrow;
     let along = |i: usize| (gaussians.rotations[i] * Vec3::Z).dot(normal).abs() > COSINE;
-    let near: Vec<(usize, Place)> = (0..num)
-        .filter(|&i| keep[i] && !emits(gaussians.emissions[i]) && along(i))
-        .map(|i| (i, Place::new(&gaussians.get(i), flat)))
-        .filter(|(_, place)| {
-            let is_near = place.outside <= reach && place.height.abs() <= reach;
-            is_near || (place.hides() && place.height_there <= reach)
-        })
-        .collect();
+    let places = || {
+        let others = (0..num).filter(|&i| keep[i] && !emits(gaussians.emissions[i]));
+        others.map(|i| (i, Place::new(&gaussians.get(i), flat)))
+    };
+    let is_near = |(i, place): &(usize, Place)| {
+        let is_beside = place.outside <= reach && place.height.abs() <= reach;
+        along(*i) && (is_beside || (place.hides() && place.height_there <= reach))
+    };
+    let near: Vec<(usize, Place)> = places().filter(is_near).collect();
     let beside = || near.iter().filter(|(_, place)| place.outside <= reach);
     let size = median_of(beside().map(|(i, _)| gaussians.scales[*i].max_element()));
     let limit = (3.0 * size).min(reach);
@@ -133,7 +135,12 @@ fn free(
             place.hides().then_some((*i as u32, None))
         }
     };
-    near.iter().filter_map(freed).collect()
+    let hangs = |(i, place): &(usize, Place)| {
+        let is_before = place.outside == 0.0 && place.height > 0.0 && place.height <= limit;
+        face.shines && is_before && !along(*i) && gaussians.opacities[*i] < OPAQUE
+    };
+    let hanging = places().filter(hangs).map(|(i, _)| (i as u32, None));
+    near.iter().filter_map(freed).chain(hanging).collect()
 }
 
 /// Area of a Gaussian as seen along a unit vector: the integral of its opacity.

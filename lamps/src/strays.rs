@@ -21,7 +21,7 @@ const NEAR: f32 = 9.0;
 /// The same in median distances of the scene: the walls of a room are not beside its lantern.
 const NEAR_IN_SCENE: f32 = 0.3;
 /// Opacity from which on a Gaussian is a surface, and hides what is behind it.
-const OPAQUE: f32 = 0.75;
+pub(crate) const OPAQUE: f32 = 0.75;
 /// Start of a ray from a disc, in parts of the way to the lamp.
 const START: f32 = 1e-3;
 

@@ -18,8 +18,9 @@ use crate::surfaces;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::emits;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Camera, Gaussians, Lamps};
+use eagpt_scene::{Camera, Gaussians, Lamp, Lamps};
 use eagpt_trace::Device;
+use glam::Vec3;
 
 /// Radiance over that of a white surface from which on a Gaussian emits; above what noise of the
 /// irradiance and a gloss make of white.
@@ -46,8 +47,11 @@ pub(crate) fn luminous(
         if emits(scene.emissions[i]) {
             return i < num_moving;
         }
-        let lamp = lamps.of(scene.positions[i]).map(|lamp| &lamps.lamps[lamp]);
-        lamp.is_some_and(|lamp| light(i) >= MIN_SHARE * luminance(lamp.radiance))
+        let position = scene.positions[i];
+        let lamp = lamps.of(position).map(|lamp| &lamps.lamps[lamp]);
+        lamp.is_some_and(|lamp| {
+            !is_mount(lamp, position) && light(i) >= MIN_SHARE * luminance(lamp.radiance)
+        })
     };
     if !(0..scene.len()).any(may_be) {
         return Ok(Vec::new());
@@ -66,6 +70,14 @@ pub(crate) fn luminous(
         .collect())
 }
 
+/// Whether what is at `position` (world space) may be what a flat lamp is mounted on: it does not
+/// light that, which is bright where pixels show the lamp's edge.
+fn is_mount(lamp: &Lamp, position: Vec3) -> bool {
+    let is_bare = lamp.one_sided && !lamp.bars && lamp.shade == 0.0;
+    let normal = lamp.world_from_lamp() * Vec3::Z;
+    is_bare && (position - lamp.centre()).dot(normal) <= 0.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -73,7 +85,8 @@ mod tests {
     use eagpt_scene::rng::Purpose;
     use eagpt_testkit::gaussians::{look_at, material, sphere};
     use eagpt_testkit::lamps::boxed;
-    use glam::{DVec3, Vec3};
+    use glam::DVec3;
+    use std::f32::consts::FRAC_1_SQRT_2;
 
     fn lamp_at(centre: Vec3, size: f32, radiance: f32) -> Lamps {
         let lamp = eagpt_scene::Lamp {
@@ -115,6 +128,27 @@ mod tests {
         // Beside a lamp that is far brighter it is nothing.
         assert!(found(&lamp_at(Vec3::X, 0.4, 41.0)).is_empty());
         assert!(found(&Lamps::default()).is_empty());
+    }
+
+    /// A flat lamp that shines towards −x lights nothing behind it, where there are no bars.
+    #[test]
+    fn what_a_flat_lamp_is_mounted_on_does_not_emit() {
+        let light = |towards: Vec3| if towards.x > 0.94 { 2.0 } else { 1.0 };
+        let grey = |towards: Vec3| material(Vec3::splat(light(towards)), 0.0, Vec3::splat(0.5));
+        let scene = sphere(3000, 1.0, grey);
+        let cameras = [look_at(DVec3::ZERO, DVec3::X, 160, 160)];
+        let num_found = |change: &dyn Fn(&mut Lamp)| {
+            let mut lamps = lamp_at(0.9 * Vec3::X, 0.4, 10.0);
+            let [w, x, y, z] = [FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2, 0.0];
+            lamps.lamps[0].rotation = [w, x, y, z];
+            lamps.lamps[0].one_sided = true;
+            change(&mut lamps.lamps[0]);
+            marked((&scene, scene.len()), &lamps, &cameras).len()
+        };
+        assert_eq!(num_found(&|_| ()), 0);
+        assert!(num_found(&|lamp| lamp.bars = true) > 10);
+        assert!(num_found(&|lamp| lamp.one_sided = false) > 10);
+        assert!(num_found(&|lamp| lamp.centre[0] = 1.1) > 10);
     }
 
     /// Of what emits, what is dimmer than white would be reflects, but for clean lamps.
