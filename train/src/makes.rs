@@ -4,7 +4,7 @@ use eagpt_scene::Lamp;
 use glam::Vec3;
 
 /// Lamps of one make are at most this many times as long and as wide as each other, …
-const LARGER: f32 = 1.05;
+const LARGER: f32 = 1.1;
 /// … and the cosines of what they face to the upward direction differ by at most this.
 const TILTED: f32 = 0.05;
 
