@@ -92,15 +92,16 @@ fn free(
     let reach = reach.max(face.blur);
     let depth = DEPTH * narrow;
     let along = |i: usize| (gaussians.rotations[i] * Vec3::Z).dot(normal).abs() > COSINE;
-    let places = || {
-        let others = (0..num).filter(|&i| keep[i] && !emits(gaussians.emissions[i]));
-        others.map(|i| (i, Place::new(&gaussians.get(i), flat)))
-    };
-    let is_near = |(i, place): &(usize, Place)| {
-        let is_beside = place.outside <= reach && place.height.abs() <= reach;
-        along(*i) && (is_beside || (place.hides() && place.height_there <= reach))
-    };
-    let near: Vec<(usize, Place)> = places().filter(is_near).collect();
+    let others = || (0..num).filter(|&i| keep[i] && !emits(gaussians.emissions[i]));
+    let placed = |i: usize| (i, Place::new(&gaussians.get(i), flat));
+    let near: Vec<(usize, Place)> = others()
+        .filter(|i| along(*i))
+        .map(placed)
+        .filter(|(_, place)| {
+            let is_near = place.outside <= reach && place.height.abs() <= reach;
+            is_near || (place.hides() && place.height_there <= reach)
+        })
+        .collect();
     let beside = || near.iter().filter(|(_, place)| place.outside <= reach);
     let size = median_of(beside().map(|(i, _)| gaussians.scales[*i].max_element()));
     let limit = (3.0 * size).min(reach);
@@ -135,12 +136,13 @@ fn free(
             place.hides().then_some((*i as u32, None))
         }
     };
-    let hangs = |(i, place): &(usize, Place)| {
-        let is_before = place.outside == 0.0 && place.height > 0.0 && place.height <= limit;
-        face.shines && is_before && !along(*i) && gaussians.opacities[*i] < OPAQUE
+    let is_across = |i: &usize| face.shines && !along(*i) && gaussians.opacities[*i] < OPAQUE;
+    let hangs = |(_, place): &(usize, Place)| {
+        place.outside == 0.0 && place.height > 0.0 && place.height <= limit
     };
-    let hanging = places().filter(hangs).map(|(i, _)| (i as u32, None));
-    near.iter().filter_map(freed).chain(hanging).collect()
+    let hanging = others().filter(is_across).map(placed).filter(hangs);
+    let gone = hanging.map(|(i, _)| (i as u32, None));
+    near.iter().filter_map(freed).chain(gone).collect()
 }
 
 /// Area of a Gaussian as seen along a unit vector: the integral of its opacity.
