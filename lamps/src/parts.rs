@@ -48,17 +48,20 @@ pub(crate) fn among(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec
         let origin = sight.origin();
         let off = |shape: &Shape| {
             let off = shape.off(origin, pixel.direction);
-            let met = shape.meet(origin, pixel.direction);
             let is_far = off * shape.centre().distance(origin) > shape.size().length();
-            (off, met.unwrap_or(f32::INFINITY), is_far)
+            (off, is_far)
+        };
+        let met = |shape: usize| {
+            let distance = shapes[shape].meet(origin, pixel.direction);
+            distance.unwrap_or(f32::INFINITY)
         };
         let nearest = shapes.iter().map(off).enumerate();
-        let nearest = nearest.min_by(|(_, a), (_, b)| {
-            let by_off = a.0.total_cmp(&b.0);
-            by_off.then(a.1.total_cmp(&b.1))
+        let nearest = nearest.min_by(|(a, (off_a, _)), (b, (off_b, _))| {
+            let by_off = off_a.total_cmp(off_b);
+            by_off.then_with(|| met(*a).total_cmp(&met(*b)))
         });
         match nearest {
-            Some((shape, (.., false))) => shape,
+            Some((shape, (_, false))) => shape,
             _ => shapes.len(),
         }
     };

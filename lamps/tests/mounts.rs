@@ -1,4 +1,4 @@
-//! What training puts before a lamp goes: behind it, along its ceiling, or away.
+//! Discs that training puts before a lamp go: behind it, along its ceiling, or away.
 
 #![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
 

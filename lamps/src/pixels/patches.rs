@@ -3,7 +3,7 @@
 use crate::evidence::{Evidence, Lit, Pixel, Sight, rim};
 use crate::group::Group;
 use crate::shape::Shape;
-use crate::shape::meet::{PLACES, PixelRays, ShapeFrom};
+use crate::shape::meet::{PixelRays, ShapeFrom};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -112,7 +112,7 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                     Lit::Dark => 0.0,
                 };
                 targets.push(Target {
-                    rays: PixelRays::new(sight.rays(pixel, &PLACES), pixel.direction),
+                    rays: PixelRays::new(|[x, y]| sight.direction(pixel, x, y)),
                     cover,
                     weight: pixel.weight,
                     solid_angle: pixel.solid_angle,

@@ -26,7 +26,7 @@ pub(crate) struct Rays<const N: usize> {
 }
 
 impl<const N: usize> Rays<N> {
-    pub(crate) fn new(directions: [Vec3; N]) -> Self {
+    fn new(directions: [Vec3; N]) -> Self {
         Self {
             x: directions.map(|d| d.x),
             y: directions.map(|d| d.y),
@@ -66,8 +66,10 @@ pub(crate) struct PixelRays {
 }
 
 impl PixelRays {
-    /// `rays` of a pixel about its `middle`, a unit direction.
-    pub(crate) fn new(rays: Rays<NUM>, middle: Vec3) -> Self {
+    /// Of a pixel with these unit directions through places in it, 0 to 1.
+    pub(crate) fn new(direction: impl Fn([f32; 2]) -> Vec3) -> Self {
+        let rays = Rays::new(PLACES.map(&direction));
+        let middle = direction([0.5; 2]);
         let distances = rays.map(|ray| ray.distance(middle));
         Self {
             rays,

@@ -1,7 +1,6 @@
 //! Shares of shapes in patches of rays that are known.
 
 use super::*;
-use crate::shape::meet::Rays;
 
 /// A patch about a lamp has a part of the pixels of a ball that is larger.
 #[test]
@@ -14,11 +13,9 @@ fn the_share_of_a_ball_that_is_shown_is_of_the_whole_ball() {
     let patch = |rows: std::ops::Range<i16>| {
         let pixels = rows.flat_map(|y| (-40..40_i16).map(move |x| (f32::from(x), f32::from(y))));
         let targets = pixels.map(|(x, y)| Target {
-            rays: {
-                let direction =
-                    |[u, v]: [f32; 2]| Vec3::new(width * (x + u), width * (y + v), 1.0).normalize();
-                PixelRays::new(Rays::new(PLACES.map(direction)), direction([0.5; 2]))
-            },
+            rays: PixelRays::new(|[u, v]| {
+                Vec3::new(width * (x + u), width * (y + v), 1.0).normalize()
+            }),
             cover: 1.0,
             weight: 1.0,
             solid_angle: width * width / Vec3::new(width * x, width * y, 1.0).length().powi(3),

@@ -54,8 +54,7 @@ fn what_a_pixel_shows_is_what_its_rays_meet() {
                 |[dx, dy]: [f32; 2]| Vec3::new(0.02 * (x + dx), 0.02 * (y + dy), 1.0).normalize();
             let rays = PLACES.map(direction);
             let met: Vec<f32> = rays.iter().filter_map(|ray| seen.meet(*ray)).collect();
-            let pixel = PixelRays::new(Rays::new(rays), direction([0.5; 2]));
-            let (share, farthest) = seen.cover(&pixel);
+            let (share, farthest) = seen.cover(&PixelRays::new(direction));
             assert_eq!(share, met.len() as f32 / 16.0, "{shape:?} {x} {y}");
             assert_eq!(farthest, met.iter().copied().fold(0.0, f32::max));
             nums[usize::from(share > 0.0) + usize::from(share == 1.0)] += 1;
