@@ -12,32 +12,22 @@
 //! - `gloss`: F0 and roughness of surfaces, from how their radiance differs with the direction.
 //! - `own_light`: whether emitters and albedos explain the photographs.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
-//! - [`irradiance`]: light that Gaussians receive, gathered and smoothed, for stage 1 and baking.
 //! - [`bake`]: light baking after an edit, in Gaussian space or by path-traced views.
 //! - [`light_fit`]: powers of lamps that explain photographs in another light.
 //! - [`relit`]: a light that was not trained on, by switching lamps.
 //! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.
 
-mod alike;
 pub mod backend;
 pub mod bake;
 pub mod checkpoint;
 mod densify;
-mod energy;
 mod error;
 mod gloss;
-mod glows;
-mod hidden_lamps;
 pub mod init;
-pub mod irradiance;
 pub mod job;
-mod lamp_powers;
 pub mod light_fit;
 mod log;
 pub mod loss;
-mod luminaires;
-mod luminous;
-mod makes;
 pub mod options;
 mod order;
 mod own_light;
@@ -45,9 +35,6 @@ pub mod params;
 pub mod points;
 mod progress;
 pub mod relit;
-mod segments;
-pub mod surfaces;
-mod unseen;
 mod views;
 
 pub use error::{Result, TrainError};

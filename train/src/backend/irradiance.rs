@@ -7,9 +7,9 @@
 //! irradiance is its albedo in closed form, `ρ = π r / E`: the start of the image loss.
 
 use crate::error::Result;
-use crate::irradiance::smooth::Smoothing;
-use crate::irradiance::{self, NoisyLight};
-use crate::surfaces;
+use eagpt_light::irradiance::smooth::Smoothing;
+use eagpt_light::irradiance::{self, NoisyLight};
+use eagpt_light::surfaces;
 use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::lamps::emits;
 use eagpt_scene::rng::RandomKey;

@@ -5,7 +5,7 @@
 
 use super::receivers::Receivers;
 use crate::error::Result;
-use crate::irradiance::{self, PIECE};
+use eagpt_light::irradiance::{self, PIECE};
 use eagpt_scene::Gaussians;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_trace::Device;

@@ -12,7 +12,7 @@ mod tests;
 
 use super::receivers::Receivers;
 use crate::error::Result;
-use crate::irradiance::smooth::Smoothing;
+use eagpt_light::irradiance::smooth::Smoothing;
 use eagpt_scene::harmonics::fit::RatioFit;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Harmonics, LightBasis};

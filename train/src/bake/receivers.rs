@@ -8,7 +8,7 @@
 use super::request::Told;
 use crate::error::Result;
 use crate::progress::BakeProgress;
-use crate::surfaces::{self, BestSeen};
+use eagpt_light::surfaces::{self, BestSeen};
 use eagpt_scene::lamps::emits;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;

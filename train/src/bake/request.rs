@@ -1,7 +1,7 @@
 //! A bake to be done, under way, and its result.
 
-use crate::irradiance;
 use crate::progress::BakeProgress;
+use eagpt_light::irradiance;
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
 use eagpt_scene::{Dataset, Gaussians, Shard};
 use eagpt_trace::Device;

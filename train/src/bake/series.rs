@@ -1,9 +1,9 @@
 //! The Neumann series of the light of a scene on its Gaussians, see [`super::gaussians`].
 
 use super::receivers::Receivers;
-use crate::irradiance::NoisyLight;
-use crate::irradiance::smooth::Smoothing;
 use crate::progress::BakeProgress;
+use eagpt_light::irradiance::NoisyLight;
+use eagpt_light::irradiance::smooth::Smoothing;
 use eagpt_scene::color::luminance;
 use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use glam::Vec3;

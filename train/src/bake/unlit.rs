@@ -7,9 +7,9 @@
 use super::receivers::Receivers;
 use super::transport::TracedTransport;
 use crate::error::Result;
-use crate::irradiance::smooth::Smoothing;
-use crate::irradiance::{self, NoisyLight, PIECE};
-use crate::surfaces;
+use eagpt_light::irradiance::smooth::Smoothing;
+use eagpt_light::irradiance::{self, NoisyLight, PIECE};
+use eagpt_light::surfaces;
 use eagpt_scene::files::Key;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, LightGroups, light_basis::NO_LIGHT};

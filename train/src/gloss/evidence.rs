@@ -3,7 +3,7 @@
 use super::fit::{Fit, NormalEquations, ROUGHNESSES};
 use super::observe::{Observation, Observations};
 use super::planes::Planes;
-use crate::segments::Segments;
+use eagpt_light::segments::Segments;
 use eagpt_scene::Gloss;
 use eagpt_scene::median::median_of;
 use eagpt_scene::rng::RandomKey;

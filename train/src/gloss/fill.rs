@@ -3,7 +3,7 @@
 
 use super::observe::Observations;
 use super::planes::{Planes, SurfacePlane};
-use crate::segments::Segments;
+use eagpt_light::segments::Segments;
 use eagpt_scene::Gaussians;
 use eagpt_scene::lamps::emits;
 use eagpt_trace::transport::matrix::Receiver;

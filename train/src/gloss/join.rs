@@ -3,8 +3,8 @@
 
 use super::evidence::Evidence;
 use super::planes::Planes;
-use crate::irradiance::smooth::Smoothing;
-use crate::segments::Segments;
+use eagpt_light::irradiance::smooth::Smoothing;
+use eagpt_light::segments::Segments;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Share of the differences between views that each of two surfaces may lose in what is explained.

@@ -2,8 +2,8 @@
 //! differ in tilt break up every mirror image. They stay where they are: in one plane their order,
 //! and with it what is hidden below, would be lost.
 
-use crate::irradiance::smooth::Smoothing;
-use crate::segments::Segments;
+use eagpt_light::irradiance::smooth::Smoothing;
+use eagpt_light::segments::Segments;
 use eagpt_scene::Gaussians;
 use eagpt_scene::median::weighted_median;
 use eagpt_scene::plane::Plane;

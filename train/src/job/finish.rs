@@ -2,12 +2,12 @@
 
 use super::lamps::{all_emitting, keep_emitting};
 use super::run::Run;
-use crate::energy;
 use crate::error::Result;
 use crate::options::StageChoice;
 use crate::own_light::{self, Balance, OwnLight, multiply_albedos};
 use crate::progress::TrainProgress;
 use crate::views::Views;
+use eagpt_light::energy;
 use eagpt_scene::{Gaussians, ply};
 use std::ops::ControlFlow;
 use std::sync::Arc;

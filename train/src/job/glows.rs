@@ -3,9 +3,9 @@
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
-use crate::glows::{self, Surfaces};
 use crate::progress::TrainProgress;
 use crate::views::Views;
+use eagpt_light::glows::{self, Surfaces};
 use eagpt_scene::lamps::{read_lamps, write_lamps};
 
 impl Run<'_> {

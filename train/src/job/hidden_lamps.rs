@@ -3,11 +3,11 @@
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
-use crate::hidden_lamps::HiddenLamps;
-use crate::luminaires;
 use crate::progress::TrainProgress;
-use crate::unseen;
 use crate::views::Views;
+use eagpt_light::hidden_lamps::HiddenLamps;
+use eagpt_light::luminaires;
+use eagpt_light::unseen;
 use eagpt_scene::lamps::{Lamps, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use std::path::{Path, PathBuf};

@@ -3,10 +3,10 @@
 use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
-use crate::lamp_powers::{factors, is_measured, shows_bulb};
-use crate::makes::of_one_make;
 use crate::progress::TrainProgress;
 use crate::views::Views;
+use eagpt_light::lamp_powers::{factors, is_measured, shows_bulb};
+use eagpt_light::makes::of_one_make;
 use eagpt_scene::lamps::{Lamps, read_lamps, write_lamps};
 use eagpt_scene::light_basis::NO_LIGHT;
 use eagpt_scene::rng::{Purpose, RandomKey};

@@ -10,7 +10,7 @@ const TILTED: f32 = 0.05;
 
 /// `lamps` by their make, those of one make together, by their shape, their size and the angle at
 /// which they face `up`, the unit vector upwards.
-pub(crate) fn of_one_make(lamps: &[&Lamp], up: Vec3) -> Vec<Vec<usize>> {
+pub fn of_one_make(lamps: &[&Lamp], up: Vec3) -> Vec<Vec<usize>> {
     let tilt = |lamp: &Lamp| (lamp.world_from_lamp() * Vec3::Z).dot(up);
     let is_like = |a: &Lamp, b: &Lamp| {
         let mut sizes = a.size.iter().zip(&b.size);

@@ -15,7 +15,6 @@ mod search;
 mod strip;
 
 use crate::alike::{Compared, Expected};
-use crate::error::Result;
 use crate::hidden_lamps::HiddenLamps;
 use crate::lamp_powers::{direct, luminances, rows};
 use bulb::{Bulb, Found};
@@ -25,7 +24,7 @@ use eagpt_scene::median::median_of;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Lamp, LightGroups, SceneEdit};
 use eagpt_trace::transport::matrix::Receiver;
-use eagpt_trace::{Device, Tracer};
+use eagpt_trace::{Device, TraceError, Tracer};
 use glam::Vec3;
 use search::Search;
 use std::collections::BTreeMap;
@@ -47,12 +46,12 @@ const NUM_ROUNDS: u32 = 3;
 ///
 /// # Errors
 /// If the device fails.
-pub(crate) fn find(
+pub fn find(
     (device, gaussians): (&Device, &Gaussians),
     (lamps, received): (&[Lamp], &[(Receiver, Vec3)]),
     (cameras, up): (&[Camera], Vec3),
     key: RandomKey,
-) -> Result<HiddenLamps> {
+) -> Result<HiddenLamps, TraceError> {
     let brightness = |of: &(Receiver, Vec3)| gaussians.radiances[of.0.0 as usize].max_element();
     let dark = DARK * median_of(received.iter().map(brightness));
     let bright = received.iter().filter(|of| brightness(of) > dark);
@@ -107,7 +106,7 @@ fn in_the_way(
     found: &[Found],
     (cameras, up): (&[Camera], Vec3),
     reach: f32,
-) -> Result<impl Iterator<Item = usize>> {
+) -> Result<impl Iterator<Item = usize>, TraceError> {
     let is_within = |place: &Vec3| {
         found.iter().any(|of| {
             of.positions.iter().any(|position| {
@@ -132,7 +131,7 @@ fn intensities(
     (found, bulbs, near): (&[Found], &[Vec<Bulb>], f32),
     compared: &Compared,
     key: RandomKey,
-) -> Result<Vec<Vec3>> {
+) -> Result<Vec<Vec3>, TraceError> {
     let num = bulbs.len();
     if num == 0 {
         return Ok(Vec::new());

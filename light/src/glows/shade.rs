@@ -6,11 +6,7 @@ use glam::Vec3;
 
 /// Lets lamps that masks show reach the `places` of a surface that shines if its box, that of
 /// `glow`, is around them: paper about a bulb goes on and off with it. Whether there are any.
-pub(crate) fn join_as_shade(
-    lamps: &mut Lamps,
-    glow: &Lamp,
-    places: impl Iterator<Item = Vec3>,
-) -> bool {
+pub fn join_as_shade(lamps: &mut Lamps, glow: &Lamp, places: impl Iterator<Item = Vec3>) -> bool {
     let is_within = |lamp: &Lamp| lamp.num_pixels > 0 && glow.distance(lamp.centre()) == 0.0;
     if !lamps.lamps.iter().any(is_within) {
         return false;

@@ -8,8 +8,8 @@
 mod listed;
 mod shade;
 
-pub(crate) use listed::{lamp, sights};
-pub(crate) use shade::join_as_shade;
+pub use listed::{lamp, sights};
+pub use shade::join_as_shade;
 
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::color::luminance;
@@ -33,19 +33,20 @@ const MAX_BEYOND: f32 = 0.4;
 const MAX_GLOSSY: f32 = 0.5;
 
 /// A scene, and what is known of its surfaces.
-pub(crate) struct Surfaces<'a> {
-    pub(crate) gaussians: &'a Gaussians,
+pub struct Surfaces<'a> {
+    /// The Gaussians.
+    pub gaussians: &'a Gaussians,
     /// Number of Gaussians, the first ones, that are not of clean lamps.
-    pub(crate) num_moving: usize,
+    pub num_moving: usize,
     /// The Gaussians that cameras see, each once, with the irradiance over π there.
-    pub(crate) received: &'a [(Receiver, Vec3)],
+    pub received: &'a [(Receiver, Vec3)],
     /// Gloss of each Gaussian; empty where nothing is glossy.
-    pub(crate) gloss: &'a [Gloss],
+    pub gloss: &'a [Gloss],
 }
 
 /// The Gaussians of each surface that shines of itself, ascending; one at the edges of two surfaces
 /// is of both.
-pub(crate) fn glows(surfaces: &Surfaces<'_>) -> Vec<Vec<usize>> {
+pub fn glows(surfaces: &Surfaces<'_>) -> Vec<Vec<usize>> {
     let gaussians = surfaces.gaussians;
     let may_shine = |i: usize| i < surfaces.num_moving && !emits(gaussians.emissions[i]);
     let received = surfaces.received.iter();

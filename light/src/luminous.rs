@@ -10,16 +10,15 @@
 
 mod fixtures;
 
-pub(crate) use fixtures::reach;
+pub use fixtures::reach;
 
-use crate::error::Result;
 use crate::irradiance;
 use crate::surfaces;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::emits;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Lamp, Lamps};
-use eagpt_trace::Device;
+use eagpt_trace::{Device, TraceError};
 use glam::Vec3;
 
 /// Radiance over that of a white surface from which on a Gaussian emits; above what noise of the
@@ -35,13 +34,13 @@ const MIN_SHARE: f32 = 0.05;
 ///
 /// # Errors
 /// If the device fails.
-pub(crate) fn luminous(
+pub fn luminous(
     device: &Device,
     (scene, num_moving): (&Gaussians, usize),
     lamps: &Lamps,
     cameras: &[Camera],
     (num_samples, key): (u32, RandomKey),
-) -> Result<Vec<(usize, bool)>> {
+) -> Result<Vec<(usize, bool)>, TraceError> {
     let light = |i: usize| luminance(scene.radiances[i].to_array());
     let may_be = |i: usize| {
         if emits(scene.emissions[i]) {

@@ -10,6 +10,9 @@
     reason = "a measurement fails by panicking, and prints"
 )]
 
+use eagpt_light::irradiance::NoisyLight;
+use eagpt_light::irradiance::smooth::Smoothing;
+use eagpt_light::surfaces;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Dataset, Gaussians, ply};
@@ -17,9 +20,6 @@ use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::matrix::{Directions, Receiver};
-use eagpt_train::irradiance::NoisyLight;
-use eagpt_train::irradiance::smooth::Smoothing;
-use eagpt_train::surfaces;
 use glam::Vec3;
 use std::path::PathBuf;
 use std::time::Instant;

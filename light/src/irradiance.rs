@@ -32,7 +32,7 @@ const RAYS: usize = 8_000_000;
 const USUAL_SAMPLES: (usize, usize) = (16, 64);
 
 /// Receivers traced between two checks for a request to stop.
-pub(crate) const PIECE: usize = 4096;
+pub const PIECE: usize = 4096;
 
 /// Directions at each of `num` Gaussians, unless their number is given: a power of two, for which
 /// sample points are spread best.
@@ -47,7 +47,7 @@ pub fn usual_samples(num: usize) -> u32 {
 const BRIGHT: f32 = 4.0;
 
 /// The [`BRIGHT`] ones of `gaussians` that reflect `radiances`, `[n]`; ascending.
-pub(crate) fn bright(gaussians: &Gaussians, radiances: &[Vec3]) -> impl Iterator<Item = usize> {
+pub fn bright(gaussians: &Gaussians, radiances: &[Vec3]) -> impl Iterator<Item = usize> {
     let reflects = |i: &usize| !emits(gaussians.emissions[*i]);
     let light = |i: usize| luminance(radiances[i].to_array());
     let area = |i: usize| gaussians.opacities[i] * gaussians.scales[i].element_product();
@@ -70,7 +70,7 @@ pub fn directions(num_samples: u32) -> Directions {
 ///
 /// # Errors
 /// If the device fails.
-pub(crate) fn rows(
+pub fn rows(
     (tracer, gaussians, fronts): (&dyn Tracer, &Gaussians, &[Front]),
     receivers: &[Receiver],
     directions: Directions,
@@ -92,7 +92,7 @@ pub(crate) fn rows(
 ///
 /// # Errors
 /// If the device fails.
-pub(crate) fn received(
+pub fn received(
     tracer: &dyn Tracer,
     receivers: &[Receiver],
     radiances: &[Vec3],

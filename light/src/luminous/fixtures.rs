@@ -16,7 +16,7 @@ const LEAST_SHARE: f32 = 0.04;
 
 /// Lets each lamp reach what of `scene` emits, belongs to none, and is nearer to it than to others.
 /// Parts that it does not light are left.
-pub(crate) fn reach(lamps: &mut Lamps, scene: &Gaussians) {
+pub fn reach(lamps: &mut Lamps, scene: &Gaussians) {
     let mut reaches: Vec<f32> = lamps.lamps.iter().map(|lamp| lamp.reach).collect();
     for (i, position) in scene.positions.iter().enumerate() {
         if !emits(scene.emissions[i]) || lamps.of(*position).is_some() {

@@ -11,10 +11,9 @@ use super::gain::{Gain, Lit, Loss, WEIGHT};
 use super::places::{NEAR, Places, cosine, ring, side};
 use super::strip;
 use crate::alike::{Compared, Expected, Fit, Row};
-use crate::error::Result;
 use crate::lamp_powers::luminances;
 use crate::segments::Segments;
-use eagpt_trace::{Features, Tracer};
+use eagpt_trace::{Features, TraceError, Tracer};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -92,13 +91,13 @@ impl Search<'_> {
     ///
     /// # Errors
     /// If the device fails.
-    pub(super) fn find(&self) -> Result<Vec<Found>> {
+    pub(super) fn find(&self) -> Result<Vec<Found>, TraceError> {
         let num = self.compared.receivers.len();
         let step = num.div_ceil(NUM_COMPARED).max(1);
         let places = self.places.all.iter();
         let lit: Vec<Vec<Lit>> = places
             .map(|place| self.lit((&place.positions, place.open), step))
-            .collect::<Result<_>>()?;
+            .collect::<Result<_, TraceError>>()?;
         let known = luminances(&self.compared.known);
         let mut sorted = known.clone();
         sorted.sort_unstable_by(f64::total_cmp);
@@ -148,7 +147,7 @@ impl Search<'_> {
         state: &State,
         (lit, step): (&[Vec<Lit>], usize),
         tried: &mut Tried,
-    ) -> Result<Option<Next>> {
+    ) -> Result<Option<Next>, TraceError> {
         let more: Vec<Vec3> = state.more.iter().map(|m| Vec3::splat(*m as f32)).collect();
         let segments = self.compared.segments(&more);
         let before = self.fit(state, &segments, &state.rows).explained;
@@ -166,7 +165,7 @@ impl Search<'_> {
             };
             let among = (self.tracer, self.places, gains.as_slice());
             let strip = strip::through(among, best, self.up)?;
-            let fitted = |found: Found| -> Result<_> {
+            let fitted = |found: Found| -> Result<_, TraceError> {
                 let rows = self.rows(state, &found, number)?;
                 Ok((self.fit(state, &segments, &rows), rows, found))
             };
@@ -238,7 +237,7 @@ impl Search<'_> {
     ///
     /// # Errors
     /// If the device fails.
-    fn rows(&self, state: &State, found: &Found, number: usize) -> Result<Vec<Row>> {
+    fn rows(&self, state: &State, found: &Found, number: usize) -> Result<Vec<Row>, TraceError> {
         let mut rows = state.rows.clone();
         for lit in self.lit((&found.positions, found.cones), 1)? {
             let share = if found.is_strip {
@@ -264,7 +263,11 @@ impl Search<'_> {
     ///
     /// # Errors
     /// If the device fails.
-    fn lit(&self, (positions, open): (&[Vec3], [usize; 2]), step: usize) -> Result<Vec<Lit>> {
+    fn lit(
+        &self,
+        (positions, open): (&[Vec3], [usize; 2]),
+        step: usize,
+    ) -> Result<Vec<Lit>, TraceError> {
         let (mut rays, mut lit) = (Vec::new(), Vec::new());
         let receivers = self.compared.receivers.iter().enumerate().step_by(step);
         let pairs = receivers.flat_map(|of| positions.iter().map(move |at| (of, *at)));

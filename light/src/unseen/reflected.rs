@@ -3,11 +3,10 @@
 
 use super::hull::{Hull, NUM_FACES};
 use crate::alike::{Compared, MAX_ALBEDO};
-use crate::error::Result;
 use crate::irradiance;
 use eagpt_scene::rng::RandomKey;
-use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::{TraceError, Tracer};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -35,7 +34,7 @@ pub(super) fn expected(
     (tracer, radiances): (&dyn Tracer, &[Vec3]),
     compared: &Compared,
     key: RandomKey,
-) -> Result<BTreeMap<usize, Lit>> {
+) -> Result<BTreeMap<usize, Lit>, TraceError> {
     let surfaces = cells.clone().zip(0..);
     let surfaces: Vec<Receiver> = surfaces.map(|(cell, i)| (i, hull.surface(cell))).collect();
     let light = irradiance::received(tracer, &surfaces, radiances, (NUM_SAMPLES, key))?;

@@ -1,12 +1,11 @@
 //! Surfaces that shine of themselves, as lamps of a list.
 
-use crate::error::Result;
 use eagpt_scene::camera::RayFrame;
 use eagpt_scene::lamps::Lamp;
 use eagpt_scene::median::median_of;
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::{Camera, Gaussians, LampShape};
-use eagpt_trace::{Features, Tracer};
+use eagpt_trace::{Features, TraceError, Tracer};
 use glam::{Mat3, Quat, Vec3};
 use std::f32::consts::FRAC_PI_2;
 
@@ -22,11 +21,11 @@ const LEAST_COSINE: f32 = 0.1;
 
 /// Area and views of a surface.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Sight {
+pub struct Sight {
     /// Area, scene units².
-    pub(crate) area: f32,
+    pub area: f32,
     /// Names of the views.
-    pub(crate) views: Vec<String>,
+    pub views: Vec<String>,
 }
 
 /// Area and views of each of `glows`, surfaces of the `num` Gaussians that `tracer` traces; `views`
@@ -34,11 +33,11 @@ pub(crate) struct Sight {
 ///
 /// # Errors
 /// If the device fails.
-pub(crate) fn sights<'a>(
+pub fn sights<'a>(
     glows: &[Vec<usize>],
     (tracer, num): (&dyn Tracer, usize),
     views: impl Iterator<Item = (Camera, &'a str)>,
-) -> Result<Vec<Sight>> {
+) -> Result<Vec<Sight>, TraceError> {
     let mut of = vec![None; num];
     for (glow, members) in glows.iter().enumerate() {
         members.iter().for_each(|&i| of[i] = Some(glow));
@@ -87,7 +86,7 @@ fn area_of_pixel(frame: &RayFrame, [x, y]: [u32; 2], features: &Features) -> f32
 }
 
 /// The surface of some `members` of `gaussians` as a lamp, which sends what these do.
-pub(crate) fn lamp(name: String, gaussians: &Gaussians, members: &[usize], sight: &Sight) -> Lamp {
+pub fn lamp(name: String, gaussians: &Gaussians, members: &[usize], sight: &Sight) -> Lamp {
     let weight = |i: usize| gaussians.opacities[i] * gaussians.scales[i].element_product();
     let total: f32 = members.iter().map(|&i| weight(i)).sum();
     let light = members.iter().map(|&i| weight(i) * gaussians.radiances[i]);

@@ -3,8 +3,7 @@
 use super::bulb::Found;
 use super::gain::Gain;
 use super::places::{HALF, NEAR, Places};
-use crate::error::Result;
-use eagpt_trace::{Features, Ray, Tracer};
+use eagpt_trace::{Features, Ray, TraceError, Tracer};
 use glam::{Vec2, Vec3};
 
 /// Gain of a place of a strip, in that of its best place, at least.
@@ -27,7 +26,7 @@ pub(super) fn through(
     (tracer, places, gains): (&dyn Tracer, &Places, &[Gain]),
     best: &Gain,
     up: Vec3,
-) -> Result<Option<Found>> {
+) -> Result<Option<Found>, TraceError> {
     let Some(positions) = row((places, gains), best, up) else {
         return Ok(None);
     };

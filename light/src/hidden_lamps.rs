@@ -3,9 +3,9 @@
 use eagpt_scene::{Lamp, SceneEdit};
 
 /// Lamps that join a scene.
-pub(crate) struct HiddenLamps {
+pub struct HiddenLamps {
     /// Gaussians that make room for them, and the discs of all and what comes with them, fixed.
-    pub(crate) edit: SceneEdit,
+    pub edit: SceneEdit,
     /// The lamps, which have no names yet.
-    pub(crate) lamps: Vec<Lamp>,
+    pub lamps: Vec<Lamp>,
 }

@@ -8,13 +8,12 @@
 //! room if it were white: it is no brighter than the mean of the scene. Clean lamps keep the albedo
 //! that they were given, or have learned in a light in which they are off.
 
-use crate::error::Result;
 use eagpt_scene::{Camera, Gaussians};
-use eagpt_trace::{Device, Features};
+use eagpt_trace::{Device, Features, TraceError};
 use glam::Vec3;
 
 /// Largest albedo of a surface: whiter paints are not sold.
-pub(crate) const MAX_SURFACE: f32 = 0.98;
+pub const MAX_SURFACE: f32 = 0.98;
 
 /// Darkens the Gaussians of surfaces whose albedo, in the mean of the pixels that `cameras` have of
 /// them, is above [`MAX_SURFACE`] in any channel; returns how many. Pixels that emit more than
@@ -22,12 +21,12 @@ pub(crate) const MAX_SURFACE: f32 = 0.98;
 ///
 /// # Errors
 /// If the device fails.
-pub(crate) fn limit_albedos(
+pub fn limit_albedos(
     device: &Device,
     (scene, num_moving): (&mut Gaussians, usize),
     cameras: &[Camera],
     threshold: f32,
-) -> Result<usize> {
+) -> Result<usize, TraceError> {
     let tracer = device.scene(scene)?;
     let is_known = |pixel: &Features| pixel.emission() <= threshold;
     let known = |_: usize, pixel: &Features| f32::from(is_known(pixel));

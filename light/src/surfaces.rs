@@ -4,12 +4,11 @@
 //! make up together. That surface is what a camera ray blends; each Gaussian takes it from the
 //! pixel that sees it best.
 
-use crate::error::Result;
 use eagpt_scene::{Camera, Gaussian, Gaussians};
 use eagpt_trace::blend::Contribution;
 use eagpt_trace::transport::matrix::{Front, Receiver};
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::{Features, GBuffer, Ray, Tracer};
+use eagpt_trace::{Features, GBuffer, Ray, TraceError, Tracer};
 use glam::{Mat3, Vec3};
 
 /// Half the offset of a lone Gaussian's surface, in its sizes: nearer hits are taken for the same
@@ -86,7 +85,7 @@ impl BestSeen {
     ///
     /// # Errors
     /// If the device of the `scene` fails.
-    pub fn add(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
+    pub fn add(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<(), TraceError> {
         let (features, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
         self.add_traced(camera, &features, &contributions);
         Ok(())
@@ -139,7 +138,11 @@ impl BestSeen {
 ///
 /// # Errors
 /// If the device of the `scene`, which has `num` Gaussians, fails.
-pub fn best_seen(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Vec<Option<Seen>>> {
+pub fn best_seen(
+    scene: &dyn Tracer,
+    num: usize,
+    cameras: &[Camera],
+) -> Result<Vec<Option<Seen>>, TraceError> {
     let mut best = BestSeen::new(num);
     for camera in cameras {
         best.add(scene, camera)?;
@@ -173,7 +176,7 @@ pub fn lone(
     scene: &dyn Tracer,
     gaussians: impl Iterator<Item = Gaussian>,
     eyes: &[Vec3],
-) -> Result<Vec<Surface>> {
+) -> Result<Vec<Surface>, TraceError> {
     let sides: Vec<Surface> = gaussians.flat_map(|gaussian| sides(&gaussian)).collect();
     let rays: Vec<Ray> = sides.iter().map(|side| side.ray(side.normal)).collect();
     let mut met = Vec::with_capacity(rays.len());

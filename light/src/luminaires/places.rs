@@ -1,10 +1,9 @@
 //! Places that cameras look towards and do not see, as something hides them that is near.
 
-use crate::error::Result;
 use crate::makes::of_one_make;
 use crate::unseen::hull::Hull;
 use eagpt_scene::{Camera, Lamp, LampShape};
-use eagpt_trace::{Ray, Tracer};
+use eagpt_trace::{Ray, TraceError, Tracer};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
@@ -117,7 +116,7 @@ pub(super) fn hidden(
     tracer: &dyn Tracer,
     (surfaces, lamps): (&[Vec3], &[Lamp]),
     (cameras, up): (&[Camera], Vec3),
-) -> Result<Places> {
+) -> Result<Places, TraceError> {
     let Some(hull) = Hull::around(surfaces, up) else {
         return Ok(Places {
             all: Vec::new(),
@@ -182,7 +181,7 @@ fn looks(
     places: &[Vec3],
     (cameras, up): (&[Camera], Vec3),
     [shallow, near]: [f32; 2],
-) -> Result<Vec<Looks>> {
+) -> Result<Vec<Looks>, TraceError> {
     let mut looks = vec![Looks::default(); places.len()];
     for camera in cameras {
         let eye = camera.origin();
@@ -220,7 +219,7 @@ pub(super) fn seen(
     places: &[Vec3],
     cameras: &[Camera],
     depth: f32,
-) -> Result<Vec<bool>> {
+) -> Result<Vec<bool>, TraceError> {
     let looks = looks(tracer, places, (cameras, Vec3::Z), [depth, depth])?;
     Ok(looks.iter().map(|of| of.is_seen).collect())
 }

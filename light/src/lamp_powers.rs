@@ -7,15 +7,14 @@
 //! better than colour. A lamp is never weaker than what views saw of it.
 
 use crate::alike::{Compared, Expected, Row};
-use crate::error::Result;
 use crate::irradiance::{self, NoisyLight};
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Gaussians, Lamp, LampShape, LightGroups};
-use eagpt_trace::Tracer;
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::matrix::{Groups, Receiver, Tracing};
+use eagpt_trace::{TraceError, Tracer};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -52,7 +51,7 @@ const NUM_ROUNDS: u32 = 3;
 /// flat, and sends most where some of them are, as much as others say, or the same to all of them.
 /// An opening of a shade shows its bulb to views along its axis alone, and to others more or less
 /// of what that lights.
-pub(crate) fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
+pub fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
     if lamp.shape.is_solid() && !lamp.one_sided {
         return true;
     }
@@ -71,7 +70,7 @@ pub(crate) fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool
 
 /// Whether one of `lamps` is a bulb in this opening of a shade: the light is that lamp's, and none
 /// is hidden.
-pub(crate) fn shows_bulb(opening: &Lamp, lamps: &[Lamp]) -> bool {
+pub fn shows_bulb(opening: &Lamp, lamps: &[Lamp]) -> bool {
     let near = 0.5 * opening.size[0].max(opening.size[1]);
     let mut others = lamps.iter().filter(|lamp| lamp.shape.is_solid());
     others.any(|lamp| lamp.name != opening.name && opening.distance(lamp.centre()) <= near)
@@ -83,12 +82,12 @@ pub(crate) fn shows_bulb(opening: &Lamp, lamps: &[Lamp]) -> bool {
 ///
 /// # Errors
 /// If the device fails.
-pub(crate) fn factors(
+pub fn factors(
     (tracer, gaussians): (&dyn Tracer, &Gaussians),
     (lights, free): (&LightGroups, &[bool]),
     received: &[(Receiver, Vec3)],
     key: RandomKey,
-) -> Result<Vec<f32>> {
+) -> Result<Vec<f32>, TraceError> {
     let num = lights.names.len();
     if num == 0 {
         return Ok(Vec::new());
@@ -187,7 +186,7 @@ pub(crate) fn direct(
     lights: &LightGroups,
     compared: &Compared,
     key: RandomKey,
-) -> Result<Vec<Vec3>> {
+) -> Result<Vec<Vec3>, TraceError> {
     let directions = irradiance::directions(NUM_SAMPLES);
     let receivers = compared.receivers.as_slice();
     let matrix = tracer.trace_transport(receivers, directions, key)?;

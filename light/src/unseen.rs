@@ -15,14 +15,13 @@ mod reflected;
 mod view_factors;
 
 use crate::alike::{Compared, Expected, Fit};
-use crate::error::Result;
 use crate::hidden_lamps::HiddenLamps;
 use crate::segments::Segments;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
-use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::{TraceError, Tracer};
 use glam::Vec3;
 use hull::{FLOOR, Hull};
 use panels::{UnseenCell, panels};
@@ -43,13 +42,13 @@ const SEEN_TO_SHINE: f64 = 1e-3;
 ///
 /// # Errors
 /// If the device fails.
-pub(crate) fn find(
+pub fn find(
     tracer: &dyn Tracer,
     gaussians: &Gaussians,
     received: &[(Receiver, Vec3)],
     (cameras, up): (&[Camera], Vec3),
     key: RandomKey,
-) -> Result<Option<(HiddenLamps, f64)>> {
+) -> Result<Option<(HiddenLamps, f64)>, TraceError> {
     let places: Vec<Vec3> = received.iter().map(|((_, at), _)| at.position).collect();
     let Some(hull) = Hull::around(&places, up) else {
         return Ok(None);

@@ -2,13 +2,12 @@
 
 use super::hull::Hull;
 use crate::alike::{Compared, Row};
-use crate::error::Result;
 use eagpt_scene::Camera;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::points::Points;
 use eagpt_trace::transport::sampling::cosine_direction;
-use eagpt_trace::{Ray, Tracer};
+use eagpt_trace::{Ray, TraceError, Tracer};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -38,7 +37,7 @@ pub(super) fn seen_by(
     compared: &Compared,
     cameras: &[Camera],
     key: RandomKey,
-) -> Result<Vec<Row>> {
+) -> Result<Vec<Row>, TraceError> {
     let mut rows = traced(hull, tracer, &compared.receivers, key)?;
     leave_out_unknown(&mut rows, hull.num_cells());
     if rows.iter().all(Vec::is_empty) {
@@ -63,7 +62,11 @@ pub(super) fn seen_by(
 ///
 /// # Errors
 /// If the device fails.
-fn passed_by(hull: &Hull, tracer: &dyn Tracer, cameras: &[Camera]) -> Result<Vec<usize>> {
+fn passed_by(
+    hull: &Hull,
+    tracer: &dyn Tracer,
+    cameras: &[Camera],
+) -> Result<Vec<usize>, TraceError> {
     let mut passed = vec![0; hull.num_cells()];
     for camera in cameras {
         let frame = camera.ray_frame();
@@ -85,7 +88,7 @@ fn traced(
     tracer: &dyn Tracer,
     receivers: &[Receiver],
     key: RandomKey,
-) -> Result<Vec<Row>> {
+) -> Result<Vec<Row>, TraceError> {
     let mut rows = Vec::with_capacity(receivers.len());
     for some in receivers.chunks(RAYS_AT_ONCE / NUM_DIRECTIONS as usize) {
         let rays: Vec<Ray> = (some.iter())

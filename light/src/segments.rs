@@ -25,21 +25,21 @@ const WEIGHT_OF_SPREAD: f32 = 0.5;
 const LEAST_SPREAD: f32 = 0.05;
 
 /// Surfaces of one material.
-pub(crate) struct Segments {
+pub struct Segments {
     /// Surface of each receiver, `[receivers]`.
-    pub(crate) of: Vec<u32>,
+    pub of: Vec<u32>,
     /// Number of surfaces.
-    pub(crate) num: usize,
+    pub num: usize,
 }
 
 impl Segments {
     /// Divides receivers by their `colors`, `[receivers]`.
-    pub(crate) fn of_colors(colors: &[Vec3], smoothing: &Smoothing) -> Self {
+    pub fn of_colors(colors: &[Vec3], smoothing: &Smoothing) -> Self {
         Self::new(colors, &vec![0.0; colors.len()], smoothing)
     }
 
     /// Divides receivers by their `colors` and `spreads`, `[receivers]`.
-    pub(crate) fn new(colors: &[Vec3], spreads: &[f32], smoothing: &Smoothing) -> Self {
+    pub fn new(colors: &[Vec3], spreads: &[f32], smoothing: &Smoothing) -> Self {
         let dark = DARK * median_of(colors.iter().map(|c| c.max_element()));
         let log = |(color, spread): (&Vec3, &f32)| {
             let spread = WEIGHT_OF_SPREAD * (spread + LEAST_SPREAD).ln();
@@ -88,12 +88,12 @@ impl Segments {
     }
 
     /// The surfaces where several became one: `names` of each, the same for those.
-    pub(crate) fn joined(&self, names: &[u32]) -> Self {
+    pub fn joined(&self, names: &[u32]) -> Self {
         Self::numbered(self.of.iter().map(|&segment| names[segment as usize]))
     }
 
     /// The receivers of each surface.
-    pub(crate) fn members(&self) -> Vec<Vec<usize>> {
+    pub fn members(&self) -> Vec<Vec<usize>> {
         let mut members = vec![Vec::new(); self.num];
         for (r, &segment) in self.of.iter().enumerate() {
             members[segment as usize].push(r);
@@ -102,7 +102,7 @@ impl Segments {
     }
 
     /// Number of neighbours across the borders between surfaces, both ways.
-    pub(crate) fn borders(&self, smoothing: &Smoothing) -> BTreeMap<(usize, usize), usize> {
+    pub fn borders(&self, smoothing: &Smoothing) -> BTreeMap<(usize, usize), usize> {
         let mut borders = BTreeMap::new();
         for i in 0..self.of.len() {
             for &(j, _) in smoothing.neighbours(i) {
