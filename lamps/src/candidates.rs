@@ -20,6 +20,10 @@ const MAX_DEVIATION: f32 = 0.5;
 /// Share of its pixels on other lamps from which on a group is taken for a part of these.
 const SHARE_ELSEWHERE: f32 = 0.5;
 
+/// Residual of a lamp that one view shows, at most, from which on it is rather of the make of others
+/// of its radiance than a part of the surface around it, which explains any outline.
+const GOOD_OF_MAKE: f32 = 0.03;
+
 /// Most pixels in a view of a lamp that training makes a heap of. Larger ones are known better once
 /// geometry is right.
 const MOST_PIXELS: usize = 25;
@@ -97,7 +101,6 @@ pub(crate) fn explained(
         ))
     });
     let mut found: Vec<Candidate> = Vec::new();
-    let mut unexplained = Vec::new();
     let total = groups.len();
     for (done, (all, window)) in groups.into_iter().enumerate() {
         progress(done, total);
@@ -117,12 +120,12 @@ pub(crate) fn explained(
         if elsewhere > SHARE_ELSEWHERE {
             continue;
         }
+        // All that more views show are found by then.
         let fit = || match group.is_of_one_view() {
-            true => single::fit(evidence, &group),
+            true => of_one_view(evidence, (light, &group), &found, up),
             false => fit::fit(evidence, &group, up),
         };
         let Some(fit) = window.or_else(fit) else {
-            unexplained.push((light, group));
             continue;
         };
         let parts = parts::all(evidence, group, fit, up);
@@ -138,29 +141,34 @@ pub(crate) fn explained(
     if total > 0 {
         progress(total, total);
     }
-    let of_make = of_make(evidence, unexplained, &found, up);
-    found.extend(of_make);
     without_repeated(evidence, found)
 }
 
-/// Lamps of groups that one view shows, as far as they are of the make of lamps that were found.
-fn of_make(
+/// The fit of a group that one view shows: of the make of lamps that were found, or of a lamp in the
+/// surface around it.
+fn of_one_view(
     evidence: &Evidence,
-    groups: Vec<(usize, Group)>,
+    (light, group): (usize, &Group),
     found: &[Candidate],
     up: Vec3,
-) -> Vec<Candidate> {
-    let of_one_view = (groups.into_iter()).filter(|(_, group)| group.is_of_one_view());
-    let lamps = of_one_view.filter_map(|(light, group)| {
-        let is_model = |c: &&Candidate| c.is_model() && !c.group.is_unlike(&group);
-        let models: Vec<&Candidate> = found.iter().filter(is_model).collect();
-        let shapes: Vec<Shape> = models.iter().map(|c| c.fit.shape).collect();
-        let fit = single::of_make(evidence, &group, &shapes, up)?;
-        let lamp = candidate(evidence, (light, group), fit, std::iter::empty())?;
-        let is_alike = |c: &&Candidate| !are_unlike(c.measured.radiance, lamp.measured.radiance);
-        models.iter().any(is_alike).then_some(lamp)
-    });
-    lamps.collect()
+) -> Option<Fit> {
+    let flat = single::fit(evidence, group);
+    let is_model = |c: &&Candidate| c.is_model() && !c.group.is_unlike(group);
+    let models: Vec<&Candidate> = found.iter().filter(is_model).collect();
+    let shapes: Vec<Shape> = models.iter().map(|c| c.fit.shape).collect();
+    let is_of_make = |fit: &Fit| {
+        let lamp = candidate(evidence, (light, group.clone()), *fit, std::iter::empty());
+        let is_alike = |lamp: &Candidate| {
+            let radiance = lamp.measured.radiance;
+            let mut models = models.iter();
+            models.any(|model| !are_unlike(model.measured.radiance, radiance))
+        };
+        let is_good = fit.residual <= GOOD_OF_MAKE || flat.is_none();
+        is_good && lamp.is_some_and(|lamp| is_alike(&lamp))
+    };
+    single::of_make(evidence, group, &shapes, up)
+        .filter(is_of_make)
+        .or(flat)
 }
 
 /// Lamps whose pixels are not those of others with more pixels, and of their radiance.

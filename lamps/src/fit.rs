@@ -165,7 +165,7 @@ fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option
             .filter(|_| search.is_uneven(&best.shape))
             .unwrap_or(best);
     }
-    let hidden = with_bars(evidence, group, &best, &patches)
+    let hidden = with_bars(evidence, group, &best, flat.as_ref(), &patches)
         .or_else(|| shades::fit(centre, radius, &patches, best.residual))
         .or_else(|| match best.shape {
             Shape::Ball { .. } | Shape::Box { .. } => None,
@@ -174,12 +174,19 @@ fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option
     Some(hidden.unwrap_or(best))
 }
 
-/// A flat lamp of many pixels behind bars, if that explains more than the `best` fit without.
-fn with_bars(evidence: &Evidence, group: &Group, best: &Fit, patches: &[Patch]) -> Option<Fit> {
-    if best.residual <= PERFECT || !group.is_large() {
+/// A lamp of many pixels behind bars, about the best `flat` fit without, if that explains more than
+/// the `best` one.
+fn with_bars(
+    evidence: &Evidence,
+    group: &Group,
+    best: &Fit,
+    flat: Option<&Fit>,
+    patches: &[Patch],
+) -> Option<Fit> {
+    if best.residual <= PERFECT || group.members.len() < bars::LEAST_PIXELS {
         return None;
     }
-    let start = Shape::Rectangle(*best.shape.flat()?);
+    let start = Shape::Rectangle(*flat?.shape.flat()?);
     bars::fit(
         evidence,
         group,

@@ -7,9 +7,11 @@
 
 mod listed;
 mod shade;
+mod unlisted;
 
 pub use listed::{lamp, sights};
 pub use shade::join_as_shade;
+pub use unlisted::unlisted;
 
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::color::luminance;

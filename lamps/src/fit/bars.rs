@@ -12,6 +12,8 @@ use crate::shape::{Flat, Shape};
 use glam::Vec3;
 use rayon::prelude::*;
 
+/// Pixels of a lamp in all views, at least, for these to tell what hides parts of it.
+pub(crate) const LEAST_PIXELS: usize = 400;
 /// Residual of a fit beyond which a lamp is not behind bars.
 pub(crate) const MAX_RESIDUAL: f32 = 0.12;
 /// Share of the area that views have to show in the mean; …
@@ -26,7 +28,7 @@ const MAX_PUSH: f32 = 0.15;
 /// Trials for its edges once its plane is known.
 const NUM_TRIALS: usize = 200;
 
-/// The lamp of `group`, which is large, behind bars, about one of the `starts`, which may keep
+/// The lamp of `group`, which has many pixels, behind bars, about one of the `starts`, which may keep
 /// their z axis; `None` where its residual is over `max_residual`, or views do not show that there
 /// is one.
 pub(crate) fn fit(

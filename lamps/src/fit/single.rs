@@ -21,6 +21,8 @@ const MAX_RESIDUAL: f32 = 0.06;
 /// Where searches for the place of a lamp by its size begin, in the mean distance of what looks as
 /// large: a flat one looks smaller from the side, and edges of pictures cut a part off.
 const FARTHER: [f32; 5] = [0.6, 0.8, 1.0, 1.2, 1.4];
+/// Distance of a lamp in that of the scene in its pixels, at most: it is not behind a wall.
+const BEHIND: f32 = 1.1;
 
 /// The lamp of `group`, flat in the surface around it, if it may be that.
 pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
@@ -94,7 +96,9 @@ pub(crate) fn of_make(
         let fit = |shape: &Shape| Fit::new(*shape, &patches, Gaps::Seen);
         fit(&best_place(&start, |shape| fit(shape).residual).0)
     });
-    mounted.or_else(|| best_of(free))
+    let scene = BEHIND * median_of(pixels().map(|p| p.distance));
+    let is_before = |fit: &Fit| fit.shape.centre().distance(eye) <= scene;
+    mounted.or_else(|| best_of(free.filter(is_before)))
 }
 
 /// The best fit, if it is good enough.

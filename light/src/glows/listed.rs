@@ -38,6 +38,9 @@ pub fn sights<'a>(
     (tracer, num): (&dyn Tracer, usize),
     views: impl Iterator<Item = (Camera, &'a str)>,
 ) -> Result<Vec<Sight>, TraceError> {
+    if glows.is_empty() {
+        return Ok(Vec::new());
+    }
     let mut of = vec![None; num];
     for (glow, members) in glows.iter().enumerate() {
         members.iter().for_each(|&i| of[i] = Some(glow));
@@ -85,15 +88,14 @@ fn area_of_pixel(frame: &RayFrame, [x, y]: [u32; 2], features: &Features) -> f32
     solid_angle * features.mean_distance().powi(2) / cosine.max(LEAST_COSINE)
 }
 
-/// The surface of some `members` of `gaussians` as a lamp, which sends what these do.
-pub fn lamp(name: String, gaussians: &Gaussians, members: &[usize], sight: &Sight) -> Lamp {
+/// The surface of some `members` of `gaussians` as a lamp without a name, which sends what these do.
+pub fn lamp(gaussians: &Gaussians, members: &[usize], sight: &Sight) -> Lamp {
     let weight = |i: usize| gaussians.opacities[i] * gaussians.scales[i].element_product();
     let total: f32 = members.iter().map(|&i| weight(i)).sum();
     let light = members.iter().map(|&i| weight(i) * gaussians.radiances[i]);
     let radiance = light.sum::<Vec3>() / total;
     let places: Vec<Vec3> = members.iter().map(|&i| gaussians.positions[i]).collect();
     Lamp {
-        name,
         num_gaussians: members.len(),
         views: sight.views.clone(),
         ..Lamp::unmeasured(LampShape::Other, bounds(&places), (sight.area, radiance))

@@ -124,7 +124,7 @@ fn the_listed_lamp_has_the_area_that_views_show() {
     // Towards it, and none of the others: fields of view are narrower than a right angle.
     assert_eq!(sights[0].views, ["a"]);
     let members = &found[0];
-    let lamp = lamp("glow-1".to_owned(), &gaussians, members, &sights[0]);
+    let lamp = lamp(&gaussians, members, &sights[0]);
     // A cap, and the outer halves of discs at its edge, about .03 wide, or not all of these.
     let area = TAU * (1.0 - EDGE);
     assert!(
