@@ -144,7 +144,7 @@ pub(crate) fn explained(
     without_repeated(evidence, found)
 }
 
-/// The fit of a group that one view shows: of the make of lamps that were found, or of a lamp in the
+/// The fit of a group that one view shows: of the make of lamps that were found, or of one in the
 /// surface around it.
 fn of_one_view(
     evidence: &Evidence,
@@ -152,23 +152,22 @@ fn of_one_view(
     found: &[Candidate],
     up: Vec3,
 ) -> Option<Fit> {
-    let flat = single::fit(evidence, group);
     let is_model = |c: &&Candidate| c.is_model() && !c.group.is_unlike(group);
     let models: Vec<&Candidate> = found.iter().filter(is_model).collect();
     let shapes: Vec<Shape> = models.iter().map(|c| c.fit.shape).collect();
-    let is_of_make = |fit: &Fit| {
+    let is_alike = |fit: &Fit| {
         let lamp = candidate(evidence, (light, group.clone()), *fit, std::iter::empty());
-        let is_alike = |lamp: &Candidate| {
+        lamp.is_some_and(|lamp| {
             let radiance = lamp.measured.radiance;
             let mut models = models.iter();
             models.any(|model| !are_unlike(model.measured.radiance, radiance))
-        };
-        let is_good = fit.residual <= GOOD_OF_MAKE || flat.is_none();
-        is_good && lamp.is_some_and(|lamp| is_alike(&lamp))
+        })
     };
-    single::of_make(evidence, group, &shapes, up)
-        .filter(is_of_make)
-        .or(flat)
+    let made = single::of_make(evidence, group, &shapes, up).filter(is_alike);
+    match made {
+        Some(fit) if fit.residual <= GOOD_OF_MAKE => Some(fit),
+        _ => single::fit(evidence, group).or(made),
+    }
 }
 
 /// Lamps whose pixels are not those of others with more pixels, and of their radiance.

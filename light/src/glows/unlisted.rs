@@ -25,6 +25,9 @@ pub fn unlisted(gaussians: &Gaussians, lamps: &Lamps) -> Vec<Vec<usize>> {
     let places: Vec<[f32; 3]> = (left.iter())
         .map(|&i| gaussians.positions[i].to_array())
         .collect();
+    if places.is_empty() {
+        return Vec::new();
+    }
     let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&places);
     let near = |k: usize| {
         let reach = NEAR * gaussians.scales[left[k]].max_element();
@@ -75,5 +78,7 @@ mod tests {
             assert!(members.is_sorted() && members.iter().all(is_there));
         }
         assert_eq!(unlisted(&scene, &Lamps::default()).len(), 3);
+        let whole = boxed("room-1", [0.0; 3], [3.0; 3]);
+        assert!(unlisted(&scene, &Lamps { lamps: vec![whole] }).is_empty());
     }
 }

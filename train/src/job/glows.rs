@@ -11,8 +11,9 @@ use eagpt_scene::lamps::{Lamp, read_lamps, write_lamps};
 
 impl Run<'_> {
     /// Lets surfaces emit that are brighter than the light gathered there allows, and lists them
-    /// with the lamps, as what emits already and is of none. Where no lamps are listed nothing is looked for, nor in several lights: the
-    /// panes of a window that is dark in one of them would be.
+    /// with the lamps, as what emits already and is of none. Where no lamps are listed nothing is
+    /// looked for, nor in several lights: the panes of a window that is dark in one of them would
+    /// be.
     pub(super) fn mark_glows(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<()> {
         let list = self.folder.lamps(0);
         if views.num_lights() > 1 || !list.exists() {
