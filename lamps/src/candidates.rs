@@ -1,5 +1,6 @@
 //! Lamps by the shapes that explain their pixels, before what they do to the scene is known.
 
+use crate::cut;
 use crate::evidence::level::are_unlike;
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::fit;
@@ -127,6 +128,16 @@ pub(crate) fn explained(
         };
         let Some(fit) = window.or_else(fit) else {
             continue;
+        };
+        let whole = |c: &Candidate| cut::joined(evidence, [(&c.group, &c.fit), (&group, &fit)], up);
+        let mut wholes = found.iter().enumerate().filter(|(_, c)| c.light == light);
+        let whole = wholes.find_map(|(at, c)| Some((at, whole(c)?)));
+        let (group, fit) = match whole {
+            Some((at, whole)) => {
+                found.remove(at);
+                whole
+            }
+            None => (group, fit),
         };
         let parts = parts::all(evidence, group, fit, up);
         let shapes: Vec<Shape> = parts.iter().map(|(_, fit)| fit.shape).collect();

@@ -12,6 +12,7 @@
 mod alike;
 mod candidates;
 mod clear;
+mod cut;
 mod evidence;
 mod fit;
 mod floaters;

@@ -212,6 +212,38 @@ fn a_wide_panel_may_be_seen_from_beside_it() {
     assert!((share - 1.0).abs() < 0.05, "{share}");
 }
 
+/// A panel in the ceiling of which one view shows the left end and others the right one, where
+/// training has it a little lower.
+#[test]
+fn pieces_of_a_panel_that_pictures_cut_are_one_lamp() {
+    let at = |x: f32, z: f32, width: f32| {
+        Shape::Rectangle(Flat {
+            centre: Vec3::new(x, 0.1, z),
+            rotation: rotation::from_z_to(Vec3::NEG_Z),
+            size: [width, 0.6],
+        })
+    };
+    let panel = at(0.0, 2.49, 1.2);
+    let heaps = [at(-0.3, 2.49, 0.6), at(0.3, 2.43, 0.6)];
+    let heaps = heaps.map(|piece| heap(&piece, RADIANCE)).concat();
+    let scene: Gaussians = room().iter().chain(heaps).collect();
+    let looking_at = |eye: [f64; 3], target: [f64; 3]| looking(eye.into(), target.into());
+    let up = [
+        looking_at([-0.5, -1.2, 1.0], [-1.2, 0.2, 1.9]),
+        looking_at([0.5, -1.2, 1.0], [1.2, 0.2, 1.9]),
+        looking_at([0.6, 1.3, 1.2], [1.3, 0.1, 2.0]),
+    ];
+    let found = found_in(&scene, &[panel], &up);
+    let [lamp] = found.as_slice() else {
+        panic!("{found:?}");
+    };
+    assert_eq!(lamp.views.len(), 3);
+    assert!((lamp.size[0] / 1.2 - 1.0).abs() < 0.02, "{lamp:?}");
+    // The scene is nearer than the panel where it has the right end.
+    let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * panel.area());
+    assert!((0.87..1.02).contains(&share), "{share}");
+}
+
 /// The half of a ball that stands out of a wall, whose discs bulge over its edge.
 #[test]
 fn a_dome_is_the_ball_that_its_wall_hides_half_of() {

@@ -10,7 +10,7 @@ use crate::alike::{Compared, Expected, Row};
 use crate::irradiance::{self, NoisyLight};
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Gaussians, Lamp, LampShape, LightGroups};
+use eagpt_scene::{Camera, Gaussians, Lamp, LampShape, LightGroups};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::matrix::{Groups, Receiver, Tracing};
@@ -43,6 +43,8 @@ const MOST_DEVIATION: f32 = 0.1;
 const LEAST_AGREEING: usize = 3;
 const AGREEING_DEVIATION: f32 = 0.03;
 const LEAST_SPREAD: f32 = 1.25;
+/// Pixels from the edge of a picture within which a lamp may be cut.
+const AT_EDGE: f32 = 1.0;
 /// Rounds in which factors and surfaces of one material, which are told by albedo, follow each
 /// other.
 const NUM_ROUNDS: u32 = 3;
@@ -66,6 +68,22 @@ pub fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
     is_flat
         && (num_before >= LEAST_BEFORE && lamp.deviation <= MOST_DEVIATION
             || agree && lamp.deviation <= AGREEING_DEVIATION)
+}
+
+/// Whether a lamp may go on beyond the edges of pictures: of views whose `cameras` these are none
+/// shows some corner of its box. A ball is known by its part.
+pub fn is_cut(lamp: &Lamp, cameras: &[Camera]) -> bool {
+    let half = 0.5 * Vec3::from(lamp.size);
+    let signs = [-1.0, 1.0];
+    let corners = signs.map(|x| signs.map(|y| signs.map(|z| Vec3::new(x, y, z))));
+    let shows = |camera: &Camera, corner: Vec3| {
+        let place = lamp.centre() + lamp.world_from_lamp() * (half * corner);
+        let at = camera.project(place);
+        let is_clear = |at: f32, size: u32| at > AT_EDGE && at < size as f32 - AT_EDGE;
+        at.z > 0.0 && is_clear(at.x, camera.width) && is_clear(at.y, camera.height)
+    };
+    let is_shown = |corner: &Vec3| cameras.iter().any(|camera| shows(camera, *corner));
+    lamp.shape != LampShape::Ball && !corners.as_flattened().as_flattened().iter().all(is_shown)
 }
 
 /// Whether one of `lamps` is a bulb in this opening of a shade: the light is that lamp's, and none

@@ -126,10 +126,14 @@ impl Views {
         self.of_poses().map(|index| self.camera(index)).collect()
     }
 
-    /// Where the cameras are of the views that show a lamp.
+    /// The cameras of the views that show a lamp, …
+    pub(crate) fn cameras_of<'a>(&'a self, lamp: &'a Lamp) -> impl Iterator<Item = Camera> + 'a {
+        lamp.views.iter().filter_map(|name| self.named(name))
+    }
+
+    /// … and where they are.
     pub(crate) fn eyes<'a>(&'a self, lamp: &'a Lamp) -> impl Iterator<Item = Vec3> + 'a {
-        let cameras = lamp.views.iter().filter_map(|name| self.named(name));
-        cameras.map(|camera| camera.origin())
+        self.cameras_of(lamp).map(|camera| camera.origin())
     }
 
     /// As [`Self::cameras`], with the names of their views.

@@ -5,6 +5,7 @@ use eagpt_scene::rng::Purpose;
 use eagpt_testkit::gaussians::{cube, material};
 use eagpt_testkit::lamps::boxed;
 use eagpt_trace::cpu::CpuScene;
+use glam::DVec3;
 
 const ALBEDO: f32 = 0.6;
 
@@ -153,4 +154,23 @@ fn a_bulb_that_views_show_in_a_shade_is_not_hidden() {
     assert!(shows(at(LampShape::Ball, -0.1)));
     assert!(!shows(at(LampShape::Ball, -0.5)));
     assert!(!shows(at(LampShape::Panel, -0.1)));
+}
+
+#[test]
+fn a_lamp_is_cut_where_no_picture_shows_a_corner() {
+    let lamp = |shape: LampShape| Lamp {
+        shape,
+        ..boxed("ceiling-1", [0.0, 0.0, 2.0], [1.0, 0.5, 0.0])
+    };
+    // A picture is as wide as what it shows is far away.
+    let at = |x: f64, z: f64| {
+        let pose = Camera::level_pose(DVec3::new(x, 0.0, z), DVec3::new(0.01, 0.0, 1.0));
+        Camera::centred([100, 100], 2.0 * 0.5_f64.atan(), pose)
+    };
+    let panel = lamp(LampShape::Panel);
+    let [whole, near, left, right] = [at(0.0, 0.7), at(0.0, 1.1), at(-0.5, 0.9), at(0.5, 0.9)];
+    assert!(!is_cut(&panel, &[near, whole]));
+    assert!(!is_cut(&panel, &[left, right]));
+    assert!(is_cut(&panel, &[near, right]));
+    assert!(!is_cut(&lamp(LampShape::Ball), &[near]));
 }

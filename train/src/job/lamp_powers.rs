@@ -5,7 +5,7 @@ use crate::backend::Backend;
 use crate::error::Result;
 use crate::progress::TrainProgress;
 use crate::views::Views;
-use eagpt_light::lamp_powers::{factors, is_measured, shows_bulb};
+use eagpt_light::lamp_powers::{factors, is_cut, is_measured, shows_bulb};
 use eagpt_light::makes::of_one_make;
 use eagpt_scene::lamps::{Lamps, read_lamps, write_lamps};
 use eagpt_scene::light_basis::NO_LIGHT;
@@ -84,7 +84,11 @@ impl Run<'_> {
 /// Names of the lamps of which views saw all that they send, and of others of their makes.
 fn measured(lamps: &Lamps, views: &Views) -> HashSet<String> {
     let all: Vec<&Lamp> = lamps.lamps.iter().collect();
-    let is_measured = |i: &usize| is_measured(all[*i], views.eyes(all[*i]));
+    let is_measured = |i: &usize| {
+        let lamp = all[*i];
+        is_measured(lamp, views.eyes(lamp))
+            && !is_cut(lamp, &views.cameras_of(lamp).collect::<Vec<_>>())
+    };
     let makes = of_one_make(&all, views.up()).into_iter();
     let known = makes.filter(|make| make.iter().any(is_measured)).flatten();
     known.map(|i| all[i].name.clone()).collect()
