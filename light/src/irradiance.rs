@@ -46,7 +46,7 @@ pub fn usual_samples(num: usize) -> u32 {
 /// emitters are. Irradiance of all rooms tried is as good with 2 as with 4.
 const BRIGHT: f32 = 4.0;
 
-/// The [`BRIGHT`] ones of `gaussians` that reflect `radiances`, `[n]`; ascending.
+/// The `BRIGHT` ones of `gaussians` that reflect `radiances`, `[n]`; ascending.
 pub fn bright(gaussians: &Gaussians, radiances: &[Vec3]) -> impl Iterator<Item = usize> {
     let reflects = |i: &usize| !emits(gaussians.emissions[*i]);
     let light = |i: usize| luminance(radiances[i].to_array());

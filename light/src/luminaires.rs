@@ -3,9 +3,9 @@
 //!
 //! Cameras see them from the side, and no mask shows their bulbs; what these light would have to
 //! reflect more than the rest of it. Bulbs are looked for at places that something near hides from
-//! all cameras ([`places`]): their light leaves upwards, downwards or both ways, in cones that end
-//! before the first camera, and is that which makes surfaces of one material alike ([`search`]). A
-//! row of them may be a strip in a cove ([`strip`]). The light that they bring past the scene that
+//! all cameras (`places`): their light leaves upwards, downwards or both ways, in cones that end
+//! before the first camera, and is that which makes surfaces of one material alike (`search`). A
+//! row of them may be a strip in a cove (`strip`). The light that they bring past the scene that
 //! is there says how strong they are.
 
 mod bulb;

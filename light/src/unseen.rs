@@ -4,10 +4,10 @@
 //! shines there, downlights or the sky, and albedos would pay for it; and light that goes there
 //! never comes back. It is told by surfaces of one material, whose albedo is the same wherever they
 //! are: rays from them that meet nothing say how much each sees of every cell of the hull around
-//! the scene ([`hull`]), and the radiance of cells is that which explains why surfaces are brighter
-//! where they see more of them ([`Compared::fit`]), or what the mean albedo of the scene would
+//! the scene (`hull`), and the radiance of cells is that which explains why surfaces are brighter
+//! where they see more of them (`Compared::fit`), or what the mean albedo of the scene would
 //! reflect. Cells that are seen are put into the scene as surfaces that reflect, and those that are
-//! brighter shine as well ([`panels`]).
+//! brighter shine as well (`panels`).
 
 pub(crate) mod hull;
 mod panels;
