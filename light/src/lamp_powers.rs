@@ -70,12 +70,12 @@ pub fn is_measured(lamp: &Lamp, eyes: impl Iterator<Item = Vec3>) -> bool {
             || agree && lamp.deviation <= AGREEING_DEVIATION)
 }
 
-/// Whether a lamp may go on beyond the edges of pictures: of views whose `cameras` these are none
-/// shows some corner of its box. A ball is known by its part.
+/// Whether a flat lamp may go on beyond the edges of pictures: of views whose `cameras` these are
+/// none shows some corner of it.
 pub fn is_cut(lamp: &Lamp, cameras: &[Camera]) -> bool {
     let half = 0.5 * Vec3::from(lamp.size);
     let signs = [-1.0, 1.0];
-    let corners = signs.map(|x| signs.map(|y| signs.map(|z| Vec3::new(x, y, z))));
+    let corners = signs.map(|x| signs.map(|y| Vec3::new(x, y, 0.0)));
     let shows = |camera: &Camera, corner: Vec3| {
         let place = lamp.centre() + lamp.world_from_lamp() * (half * corner);
         let at = camera.project(place);
@@ -83,7 +83,7 @@ pub fn is_cut(lamp: &Lamp, cameras: &[Camera]) -> bool {
         at.z > 0.0 && is_clear(at.x, camera.width) && is_clear(at.y, camera.height)
     };
     let is_shown = |corner: &Vec3| cameras.iter().any(|camera| shows(camera, *corner));
-    lamp.shape != LampShape::Ball && !corners.as_flattened().as_flattened().iter().all(is_shown)
+    lamp.shape == LampShape::Panel && !corners.as_flattened().iter().all(is_shown)
 }
 
 /// Whether one of `lamps` is a bulb in this opening of a shade: the light is that lamp's, and none

@@ -172,5 +172,5 @@ fn a_lamp_is_cut_where_no_picture_shows_a_corner() {
     assert!(!is_cut(&panel, &[near, whole]));
     assert!(!is_cut(&panel, &[left, right]));
     assert!(is_cut(&panel, &[near, right]));
-    assert!(!is_cut(&lamp(LampShape::Ball), &[near]));
+    assert!(!is_cut(&lamp(LampShape::Tube), &[near]));
 }
