@@ -130,7 +130,9 @@ pub(crate) fn explained(
             continue;
         };
         let whole = |c: &Candidate| cut::joined(evidence, [(&c.group, &c.fit), (&group, &fit)], up);
-        let mut wholes = found.iter().enumerate().filter(|(_, c)| c.light == light);
+        // The pixels of a piece in other lights would be lost.
+        let is_of_light = |c: &Candidate| c.light == light && c.others.is_empty();
+        let mut wholes = (found.iter().enumerate()).filter(|(_, c)| is_of_light(c));
         let whole = wholes.find_map(|(at, c)| Some((at, whole(c)?)));
         let (group, fit) = match whole {
             Some((at, whole)) => {
