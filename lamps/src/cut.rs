@@ -1,7 +1,7 @@
 //! Lamps of which no picture shows all: views have pieces of them that end at the pictures' edges,
 //! and what training knows of these is too little for them to be in one place.
 
-use crate::evidence::{Evidence, Pixel, Sight};
+use crate::evidence::Evidence;
 use crate::fit;
 use crate::fit::shape_search::Fit;
 use crate::group::Group;
@@ -36,10 +36,13 @@ pub(crate) fn joined(
 
 /// Whether the edge of the picture cuts a lamp in every view that shows it.
 fn is_cut(evidence: &Evidence, group: &Group) -> bool {
-    group.views_apart().all(|view| {
-        let at_edge = |sight: &Sight, pixel: &Pixel| sight.at_edge(pixel);
-        view.share(evidence, at_edge) > 0.0
-    })
+    let at_edge = |member: &(u32, u32)| {
+        let (sight, pixel) = evidence.pixel(member);
+        sight.at_edge(pixel)
+    };
+    group
+        .by_view()
+        .all(|(_, members)| members.iter().any(at_edge))
 }
 
 /// Whether a corner of `b`, or its middle, is in the plane of `a` and at most beside it.

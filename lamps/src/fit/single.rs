@@ -96,8 +96,8 @@ pub(crate) fn of_make(
         let fit = |shape: &Shape| Fit::new(*shape, &patches, Gaps::Seen);
         fit(&best_place(&start, |shape| fit(shape).residual).0)
     });
-    let scene = BEHIND * median_of(pixels().map(|p| p.distance));
-    let is_before = |fit: &Fit| fit.shape.centre().distance(eye) <= scene;
+    let farthest = BEHIND * median_of(pixels().map(|p| p.distance));
+    let is_before = |fit: &Fit| fit.shape.centre().distance(eye) <= farthest;
     mounted.or_else(|| best_of(free.filter(is_before)))
 }
 

@@ -38,9 +38,6 @@ pub fn sights<'a>(
     (tracer, num): (&dyn Tracer, usize),
     views: impl Iterator<Item = (Camera, &'a str)>,
 ) -> Result<Vec<Sight>, TraceError> {
-    if glows.is_empty() {
-        return Ok(Vec::new());
-    }
     let mut of = vec![None; num];
     for (glow, members) in glows.iter().enumerate() {
         members.iter().for_each(|&i| of[i] = Some(glow));

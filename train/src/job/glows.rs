@@ -28,10 +28,11 @@ impl Run<'_> {
             received: &backend.gathered(0),
             gloss: self.gloss.of_gaussians(),
         });
-        let emitting = found.iter().flatten().map(|&i| (i, true)).collect();
-        backend.mark_emitting(&[emitting])?;
-        let tracer = self.request.device.scene(&scene)?;
         let as_lamps = |all: &[Vec<usize>]| -> Result<Vec<Lamp>> {
+            if all.is_empty() {
+                return Ok(Vec::new());
+            }
+            let tracer = self.request.device.scene(&scene)?;
             let sights = glows::sights(all, (&*tracer, scene.len()), views.named_cameras())?;
             let lamps = all.iter().zip(&sights);
             Ok(lamps
@@ -54,6 +55,8 @@ impl Run<'_> {
         (lamps.lamps).extend(others.map(|(number, lamp)| named("other", number, lamp)));
         write_lamps(&list, &lamps)?;
         if !found.is_empty() {
+            let emitting = found.iter().flatten().map(|&i| (i, true)).collect();
+            backend.mark_emitting(&[emitting])?;
             (self.progress)(TrainProgress::Glows {
                 num,
                 num_shades: found.len() - num,
