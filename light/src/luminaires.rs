@@ -10,6 +10,7 @@
 
 mod bulb;
 mod gain;
+mod nearby;
 mod places;
 mod search;
 mod strip;

@@ -93,6 +93,18 @@ pub(crate) struct Residual {
     pub(crate) weight_above: f64,
 }
 
+/// Robust square of a difference of logarithms, without its scale, and 1.
+fn robust(off: f64) -> f64 {
+    (1.0 + (off / SCALE).powi(2)).sqrt()
+}
+
+impl Residual {
+    /// The loss of the receiver.
+    pub(crate) fn loss(&self) -> f64 {
+        SCALE * SCALE * (robust(self.off) + robust(self.above) - 2.0)
+    }
+}
+
 impl Equations<'_> {
     /// The light of sources that explains the differences and is nearest to the expected.
     pub(super) fn fit(&self) -> Fit {
@@ -207,7 +219,6 @@ impl Problem {
         for members in &self.members {
             let log = |&i: &usize| (self.radiances[i] / (self.known[i] + self.light(i, x))).ln();
             let logs: Vec<f64> = members.iter().map(log).collect();
-            let robust = |off: f64| (1.0 + (off / SCALE).powi(2)).sqrt();
             let weight = |off: f64| 1.0 / robust(off);
             let mut mean = logs.iter().sum::<f64>() / logs.len() as f64;
             for _ in 0..MEAN_ROUNDS {
@@ -226,7 +237,7 @@ impl Problem {
                     above,
                     weight_above: if above > 0.0 { weight(above) } else { 0.0 },
                 };
-                loss += SCALE * SCALE * (robust(off) + robust(above) - 2.0);
+                loss += all[i].loss();
             }
         }
         (all, loss)

@@ -1,7 +1,7 @@
 //! Gain of a bulb at a place: the part of the loss that it would explain.
 
 use super::places::{HALF, side};
-use crate::alike::Residual;
+use crate::alike::{Compared, Residual, Row};
 use crate::segments::Segments;
 use std::collections::BTreeMap;
 
@@ -26,20 +26,71 @@ pub(super) struct Gain {
     pub(super) cones: [usize; 2],
 }
 
-/// The loss about the known light.
-pub(super) struct Loss<'a> {
-    pub(super) residuals: &'a [Residual],
-    pub(super) light: &'a [f64],
-    pub(super) segments: &'a Segments,
-    /// Sum of the weights of each surface's receivers that places are compared by.
-    pub(super) weights: &'a [f64],
-    /// Median of the known light.
+/// Light of receivers, `[receivers]`.
+pub(super) struct State {
+    pub(super) radiances: Vec<f64>,
+    pub(super) known: Vec<f64>,
+    /// Median of that.
     pub(super) usual: f64,
+    /// Light of bulbs that were found.
+    pub(super) more: Vec<f64>,
+    /// It, of intensity 1, by twice the number of a place, and one more for the cone downwards.
+    pub(super) rows: Vec<Row>,
+}
+
+/// The loss about the known light.
+struct Loss<'a> {
+    residuals: &'a [Residual],
+    light: &'a [f64],
+    segments: &'a Segments,
+    /// Sum of the weights of each surface's receivers that places are compared by.
+    weights: &'a [f64],
+    /// Median of the known light.
+    usual: f64,
+}
+
+impl State {
+    /// All light that is known, and that of bulbs that were found.
+    pub(super) fn light(&self) -> Vec<f64> {
+        let both = self.known.iter().zip(&self.more);
+        both.map(|(known, more)| known + more).collect()
+    }
+
+    /// The gain of each place, by every so many-th receiver.
+    pub(super) fn gains(
+        &self,
+        lit: &[Vec<Lit>],
+        (compared, segments): (&Compared, &Segments),
+        step: usize,
+    ) -> Vec<Gain> {
+        let light = self.light();
+        let residuals = compared.residuals(segments, [&self.radiances, &light]);
+        let mut weights = vec![0.0; segments.num];
+        for (i, of) in residuals.iter().enumerate().step_by(step) {
+            weights[segments.of[i] as usize] += of.weight;
+        }
+        let loss = Loss {
+            residuals: &residuals,
+            light: &light,
+            segments,
+            weights: &weights,
+            usual: self.usual,
+        };
+        let gain = |(number, lit): (usize, &Vec<Lit>)| {
+            let [above, below] = [0, 1].map(|half| loss.cone(lit, half));
+            Gain {
+                number,
+                gain: above.0 + below.0,
+                cones: [above.1, below.1],
+            }
+        };
+        lit.iter().enumerate().map(gain).collect()
+    }
 }
 
 impl Loss<'_> {
     /// Gain of the best cone in one half, and its rings.
-    pub(super) fn cone(&self, lit: &[Lit], half: usize) -> (f64, usize) {
+    fn cone(&self, lit: &[Lit], half: usize) -> (f64, usize) {
         let mut rings: [Vec<&Lit>; HALF] = Default::default();
         for of in lit {
             let (side, order) = side(of.ring);

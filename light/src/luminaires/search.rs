@@ -7,7 +7,8 @@
 //! found before.
 
 use super::bulb::Found;
-use super::gain::{Gain, Lit, Loss, WEIGHT};
+use super::gain::{Gain, Lit, State, WEIGHT};
+use super::nearby;
 use super::places::{NEAR, Places, cosine, ring, side};
 use super::strip;
 use crate::alike::{Compared, Expected, Fit, Row};
@@ -53,18 +54,6 @@ pub(super) struct Search<'a> {
     pub(super) places: &'a Places,
     /// Unit vector upwards.
     pub(super) up: Vec3,
-}
-
-/// Light of receivers.
-struct State {
-    radiances: Vec<f64>,
-    known: Vec<f64>,
-    /// Median of that.
-    usual: f64,
-    /// Light of bulbs that were found.
-    more: Vec<f64>,
-    /// It, of intensity 1, by twice the number of a place, and one more for the cone downwards.
-    rows: Vec<Row>,
 }
 
 /// Bulbs that were tried.
@@ -178,7 +167,10 @@ impl Search<'_> {
                 true => LEAST_BEHIND_LAMP,
                 false => LEAST_EXPLAINED,
             };
-            let is_enough = fit.explained - before >= least;
+            let explained = fit.explained - before;
+            let nearby = (self.compared, &segments, rows.as_slice());
+            let nearby = nearby::explained(state, nearby, &fit, number);
+            let is_enough = nearby::tells(nearby).unwrap_or(explained >= least);
             if !is_enough && place.positions.len() > 1 {
                 tried.of_makes.extend(&found.positions);
                 continue;
@@ -332,39 +324,5 @@ fn add(row: &mut Row, source: usize, light: f32) {
     match row.iter_mut().find(|(other, _)| *other == source) {
         Some((_, sum)) => *sum += f64::from(light),
         None => row.push((source, f64::from(light))),
-    }
-}
-
-impl State {
-    /// The gain of each place, by every so many-th receiver.
-    fn gains(
-        &self,
-        lit: &[Vec<Lit>],
-        (compared, segments): (&Compared, &Segments),
-        step: usize,
-    ) -> Vec<Gain> {
-        let both = self.known.iter().zip(&self.more);
-        let light: Vec<f64> = both.map(|(known, more)| known + more).collect();
-        let residuals = compared.residuals(segments, [&self.radiances, &light]);
-        let mut weights = vec![0.0; segments.num];
-        for (i, of) in residuals.iter().enumerate().step_by(step) {
-            weights[segments.of[i] as usize] += of.weight;
-        }
-        let loss = Loss {
-            residuals: &residuals,
-            light: &light,
-            segments,
-            weights: &weights,
-            usual: self.usual,
-        };
-        let gain = |(number, lit): (usize, &Vec<Lit>)| {
-            let [above, below] = [0, 1].map(|half| loss.cone(lit, half));
-            Gain {
-                number,
-                gain: above.0 + below.0,
-                cones: [above.1, below.1],
-            }
-        };
-        lit.iter().enumerate().map(gain).collect()
     }
 }
