@@ -66,6 +66,13 @@ pub(crate) struct Fit {
     pub(crate) explained: f64,
 }
 
+impl Fit {
+    /// Light of the sources that were fitted, at a receiver of this row.
+    pub(crate) fn light(&self, row: &Row) -> f64 {
+        row.iter().map(|(source, of)| of * self.x[source]).sum()
+    }
+}
+
 /// Equations of the surfaces that count, and of the sources that are seen, in compact numbers.
 struct Problem {
     rows: Vec<Row>,

@@ -33,17 +33,14 @@ pub(super) fn explained(
     fit: &Fit,
     number: usize,
 ) -> Option<f64> {
-    let of = |row: &Row, counts: &dyn Fn(usize) -> bool| {
-        let counted = row.iter().filter(|(source, _)| counts(*source));
-        counted.map(|(source, of)| of * fit.x[source]).sum::<f64>()
-    };
     let before = state.light();
-    let more = rows.iter().map(|row| of(row, &|_| true));
+    let more = rows.iter().map(|row| fit.light(row));
     let after: Vec<f64> = state.known.iter().zip(more).map(|(a, b)| a + b).collect();
     let residuals = |light: &[f64]| compared.residuals(segments, [&state.radiances, light]);
     let residuals = [&before, &after].map(|light| residuals(light));
     let is_near = |i: &usize| {
-        let light = of(&rows[*i], &|source| source / 2 == number);
+        let of_bulb = rows[*i].iter().filter(|(source, _)| source / 2 == number);
+        let light = of_bulb.map(|(source, of)| of * fit.x[source]).sum::<f64>();
         residuals[0][*i].weight > 0.0 && light >= LEAST_RAISED * before[*i]
     };
     let near: Vec<usize> = (0..rows.len()).filter(is_near).collect();

@@ -103,14 +103,9 @@ impl Search<'_> {
             let Some(next) = self.next(&state, (&lit, step), &mut tried)? else {
                 break;
             };
-            intensities = next.fit.x;
-            let light = |row: &Row| {
-                row.iter()
-                    .map(|(source, of)| of * intensities[source])
-                    .sum()
-            };
-            state.more = next.rows.iter().map(light).collect();
+            state.more = next.rows.iter().map(|row| next.fit.light(row)).collect();
             state.rows = next.rows;
+            intensities = next.fit.x;
             chosen.push((next.number, next.found));
         }
         let intensity = |source: usize| intensities.get(&source).copied().unwrap_or(0.0);
