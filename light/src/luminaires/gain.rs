@@ -1,7 +1,7 @@
 //! Gain of a bulb at a place: the part of the loss that it would explain.
 
 use super::places::{HALF, side};
-use crate::alike::{Compared, Residual, Row};
+use crate::alike::{Residual, Row};
 use crate::segments::Segments;
 use std::collections::BTreeMap;
 
@@ -56,22 +56,22 @@ impl State {
         both.map(|(known, more)| known + more).collect()
     }
 
-    /// The gain of each place, by every so many-th receiver.
+    /// The gain of each place where receivers get this `light`, which leaves these `residuals`; by
+    /// every so many-th receiver.
     pub(super) fn gains(
         &self,
         lit: &[Vec<Lit>],
-        (compared, segments): (&Compared, &Segments),
+        (light, residuals): (&[f64], &[Residual]),
+        segments: &Segments,
         step: usize,
     ) -> Vec<Gain> {
-        let light = self.light();
-        let residuals = compared.residuals(segments, [&self.radiances, &light]);
         let mut weights = vec![0.0; segments.num];
         for (i, of) in residuals.iter().enumerate().step_by(step) {
             weights[segments.of[i] as usize] += of.weight;
         }
         let loss = Loss {
-            residuals: &residuals,
-            light: &light,
+            residuals,
+            light,
             segments,
             weights: &weights,
             usual: self.usual,

@@ -1,17 +1,15 @@
-//! What is near a bulb: surfaces that it lights about as much as all else does tell of it, even if
+//! Surfaces near a bulb, which it lights about as much as all else does: they tell of it even if
 //! they are few in a large room, or in one full of daylight.
 
-use super::gain::State;
-use crate::alike::{Compared, Fit, Residual, Row};
-use crate::segments::Segments;
+use crate::alike::Residual;
 
 /// Light of a bulb on a surface near it, in that of all else, at least.
 const LEAST_RAISED: f64 = 0.5;
 /// Surfaces near it, at least.
 const LEAST_NEARBY: usize = 12;
-/// Part of their loss that a bulb explains, at least, and that which is enough by itself. Measured in
-/// eleven rooms: .63 to .87 of 13 bulbs and sets of them, .49 to .77 at three places in a cove with a
-/// strip; at most .64 at 14 places of none.
+/// Part of their loss that a bulb explains, at least, and that which is enough by itself. Measured
+/// in eleven rooms: .63 to .87 of 13 bulbs and sets of them, .49 to .77 at three places in a cove
+/// with a strip; at most .64 at 14 places of none.
 const LEAST: f64 = 0.5;
 const ENOUGH: f64 = 0.65;
 
@@ -25,46 +23,39 @@ pub(super) fn tells(explained: Option<f64>) -> Option<bool> {
     }
 }
 
-/// The part of the loss of what is near the bulb at the place of this `number` that it explains by
-/// a `fit`, `rows` being the light of it and of those before; `None` if too little is near.
+/// The part of their loss that a bulb explains, where receivers get this light of all else and that
+/// of the bulb, by the residuals without and with it, all `[receivers]`; `None` if they are few.
 pub(super) fn explained(
-    state: &State,
-    (compared, segments, rows): (&Compared, &Segments, &[Row]),
-    fit: &Fit,
-    number: usize,
+    (light, of_bulb): (&[f64], impl Iterator<Item = f64>),
+    residuals: [&[Residual]; 2],
 ) -> Option<f64> {
-    let before = state.light();
-    let more = rows.iter().map(|row| fit.light(row));
-    let after: Vec<f64> = state.known.iter().zip(more).map(|(a, b)| a + b).collect();
-    let residuals = |light: &[f64]| compared.residuals(segments, [&state.radiances, light]);
-    let residuals = [&before, &after].map(|light| residuals(light));
-    let is_near = |i: &usize| {
-        let of_bulb = rows[*i].iter().filter(|(source, _)| source / 2 == number);
-        let light = of_bulb.map(|(source, of)| of * fit.x[source]).sum::<f64>();
-        residuals[0][*i].weight > 0.0 && light >= LEAST_RAISED * before[*i]
+    let is_near = |(i, (light, of_bulb)): (usize, (&f64, f64))| {
+        let counts = residuals[0][i].weight > 0.0;
+        (counts && of_bulb >= LEAST_RAISED * light).then_some(i)
     };
-    let near: Vec<usize> = (0..rows.len()).filter(is_near).collect();
-    let loss = |of: &[Residual]| near.iter().map(|i| of[*i].loss()).sum::<f64>();
-    let [before, after] = residuals.each_ref().map(|of| loss(of));
+    let near: Vec<usize> = (light.iter().zip(of_bulb).enumerate())
+        .filter_map(is_near)
+        .collect();
+    let [before, after] = residuals.map(|of| near.iter().map(|i| of[*i].loss()).sum::<f64>());
     (near.len() >= LEAST_NEARBY && before > 0.0).then(|| 1.0 - after / before)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::alike::Compared;
     use crate::alike::testing::in_cube;
     use eagpt_scene::Gaussians;
     use eagpt_testkit::gaussians::{cube, material};
     use glam::Vec3;
-    use std::collections::BTreeMap;
 
     /// Albedos of the cube, in turns.
     const ALBEDOS: [f64; 3] = [0.48, 0.5, 0.52];
     /// Light of the bulb where it is strongest, in the known light.
     const MOST: f64 = 4.0;
 
-    /// What is explained by a bulb that lights the ceiling of a cube of half edge 1 up to a distance,
-    /// if that is what radiances tell, or else by the same light though nothing is lit.
+    /// The part explained by a bulb that lights the ceiling of a cube of half edge 1 up to a
+    /// distance, if that is what radiances tell, or else by the same light though nothing is lit.
     fn of_spot(radius: f32, is_lit: bool) -> Option<f64> {
         let discs = cube(1.0, 0.1, |_| material(Vec3::ONE, 0.0, Vec3::ONE));
         let light = |at: Vec3| {
@@ -82,28 +73,12 @@ mod tests {
         let gaussians: Gaussians = discs.into_iter().collect();
         let compared = Compared::new(&gaussians, &received);
         let num = received.len();
-        let state = State {
-            radiances,
-            known: vec![1.0; num],
-            usual: 1.0,
-            more: vec![0.0; num],
-            rows: vec![Row::new(); num],
-        };
-        let row = |more: &f64| {
-            if *more > 0.0 {
-                vec![(6, *more)]
-            } else {
-                Row::new()
-            }
-        };
-        let rows: Vec<Row> = more.iter().map(row).collect();
-        let fit = Fit {
-            x: BTreeMap::from([(6, 1.0)]),
-            share: 0.0,
-            explained: 0.0,
-        };
+        let known = vec![1.0; num];
+        let with: Vec<f64> = more.iter().map(|more| 1.0 + more).collect();
         let segments = compared.segments(&vec![Vec3::ZERO; num]);
-        explained(&state, (&compared, &segments, &rows), &fit, 3)
+        let residuals = [&known, &with].map(|of| compared.residuals(&segments, [&radiances, of]));
+        let residuals = residuals.each_ref().map(Vec::as_slice);
+        explained((&known, more.into_iter()), residuals)
     }
 
     #[test]

@@ -135,7 +135,11 @@ impl Search<'_> {
         let more: Vec<Vec3> = state.more.iter().map(|m| Vec3::splat(*m as f32)).collect();
         let segments = self.compared.segments(&more);
         let before = self.fit(state, &segments, &state.rows).explained;
-        let gains = state.gains(lit, (self.compared, &segments), step);
+        let light = state.light();
+        let residuals =
+            |light: &[f64]| (self.compared).residuals(&segments, [&state.radiances, light]);
+        let left = residuals(&light);
+        let gains = state.gains(lit, (&light, &left), &segments, step);
         while tried.num_refused < MOST_REFUSED {
             let Some(best) = self.best(&gains, tried) else {
                 break;
@@ -163,8 +167,13 @@ impl Search<'_> {
                 false => LEAST_EXPLAINED,
             };
             let explained = fit.explained - before;
-            let nearby = (self.compared, &segments, rows.as_slice());
-            let nearby = nearby::explained(state, nearby, &fit, number);
+            let with = state.known.iter().zip(&rows);
+            let with: Vec<f64> = with.map(|(known, row)| known + fit.light(row)).collect();
+            let of_bulb = rows.iter().map(|row| {
+                let row = row.iter().filter(|(source, _)| source / 2 == number);
+                row.map(|(source, of)| of * fit.x[source]).sum()
+            });
+            let nearby = nearby::explained((&light, of_bulb), [&left, &residuals(&with)]);
             let is_enough = nearby::tells(nearby).unwrap_or(explained >= least);
             if !is_enough && place.positions.len() > 1 {
                 tried.of_makes.extend(&found.positions);
