@@ -128,6 +128,7 @@ impl Gaussians {
     ///
     /// # Panics
     /// If `index` is not below [`Self::len`].
+    #[inline]
     pub fn get(&self, index: usize) -> Gaussian {
         Gaussian {
             position: self.positions[index],

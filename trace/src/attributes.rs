@@ -1,7 +1,8 @@
 //! Light and material of Gaussians.
 
 use crate::features::{NUM_LANES, lane};
-use glam::Vec3;
+use eagpt_scene::Gaussian;
+use glam::{Mat3, Vec3};
 
 /// Light and material of a Gaussian in the lanes of [`crate::Features`], without the lanes that
 /// depend on the ray.
@@ -10,6 +11,18 @@ use glam::Vec3;
 pub struct Attributes(pub [f32; NUM_LANES]);
 
 impl Attributes {
+    /// Those of a Gaussian; the radiance is that of all directions.
+    pub(crate) fn new(g: &Gaussian) -> Self {
+        let mut lanes = [0.0; NUM_LANES];
+        lanes[lane::RADIANCE..][..3].copy_from_slice(&g.radiance.to_array());
+        lanes[lane::EMISSION] = g.emission;
+        lanes[lane::ALBEDO..][..3].copy_from_slice(&g.albedo.to_array());
+        lanes[lane::NORMAL..][..3].copy_from_slice(&Mat3::from_quat(g.rotation).z_axis.to_array());
+        lanes[lane::ALPHA] = 1.0;
+        lanes[lane::SIZE] = (g.scale.x * g.scale.y).sqrt();
+        Self(lanes)
+    }
+
     /// Radiance, linear.
     #[inline(always)]
     pub fn radiance(&self) -> Vec3 {

@@ -1,7 +1,7 @@
 //! Gaussians prepared for intersection.
 
 use crate::attributes::Attributes;
-use crate::features::{NUM_LANES, lane};
+use crate::features::lane;
 use crate::model::{MIN_COSINE, OWN_COSINE, cut_radius_squared};
 use crate::ray::Ray;
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics};
@@ -182,25 +182,14 @@ impl SurfelSet {
 
     /// Prepares all Gaussians again, reusing the memory.
     pub fn update(&mut self, gaussians: &Gaussians) {
-        let indices = (0..gaussians.len()).into_par_iter().with_min_len(1024);
-        indices
-            .clone()
-            .map(|i| Surfel::new(&gaussians.get(i)))
-            .collect_into_vec(&mut self.surfels);
-        indices
+        (0..gaussians.len())
+            .into_par_iter()
+            .with_min_len(1024)
             .map(|i| {
                 let g = gaussians.get(i);
-                let mut lanes = [0.0; NUM_LANES];
-                lanes[lane::RADIANCE..][..3].copy_from_slice(&g.radiance.to_array());
-                lanes[lane::EMISSION] = g.emission;
-                lanes[lane::ALBEDO..][..3].copy_from_slice(&g.albedo.to_array());
-                lanes[lane::NORMAL..][..3]
-                    .copy_from_slice(&Mat3::from_quat(g.rotation).z_axis.to_array());
-                lanes[lane::ALPHA] = 1.0;
-                lanes[lane::SIZE] = (g.scale.x * g.scale.y).sqrt();
-                Attributes(lanes)
+                (Surfel::new(&g), Attributes::new(&g))
             })
-            .collect_into_vec(&mut self.attributes);
+            .unzip_into_vecs(&mut self.surfels, &mut self.attributes);
         let harmonics = gaussians.harmonics.par_iter().with_min_len(1024);
         harmonics.copied().collect_into_vec(&mut self.harmonics);
         self.gloss.clear();

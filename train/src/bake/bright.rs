@@ -8,7 +8,7 @@ use crate::error::Result;
 use eagpt_light::irradiance::{self, PIECE};
 use eagpt_scene::Gaussians;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_trace::Device;
+use eagpt_trace::Tracer;
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::matrix::{
@@ -50,13 +50,14 @@ impl BrightSurfaces {
     }
 
     /// Traces the light samples of `receivers`; `false` if `goes_on`, told how many are done, has
-    /// ended it, and then none are kept.
+    /// ended it, and then none are kept. The `tracer` of the `scene` traces it with other emitters
+    /// in the meantime, which leaves its trees as they are.
     ///
     /// # Errors
     /// If the device fails.
     pub(super) fn trace(
         &mut self,
-        (device, scene): (&Device, &Gaussians),
+        (tracer, scene): (&mut dyn Tracer, &Gaussians),
         receivers: &[Receiver],
         (directions, seed): (Directions, u64),
         goes_on: &mut dyn FnMut(usize) -> bool,
@@ -66,11 +67,12 @@ impl BrightSurfaces {
             self.surfaces.clear();
             return Ok(true);
         }
-        let tracer = device.scene(&self.alone(scene))?;
+        tracer.update(&self.alone(scene))?;
         let only = Directions { bsdf: 1, to_lights };
         for (number, piece) in receivers.chunks(PIECE).enumerate() {
             if !goes_on(number * PIECE) {
                 self.targets.clear();
+                tracer.update(scene)?;
                 return Ok(false);
             }
             let mut more = tracer.trace_transport(piece, only, key(seed))?;
@@ -78,6 +80,7 @@ impl BrightSurfaces {
             self.num_rays += more.num_rays;
         }
         goes_on(receivers.len());
+        tracer.update(scene)?;
         Ok(true)
     }
 
@@ -170,10 +173,10 @@ mod tests {
             faint: Vec::new(),
             fronts: fronts.collect(),
         };
-        let tracer = CpuScene::new(&scene);
+        let mut tracer = CpuScene::new(&scene);
         let rows = RandomKey::new(1, Purpose::Bake, 1);
         let among = (
-            &tracer as &dyn eagpt_trace::Tracer,
+            &tracer as &dyn Tracer,
             &scene,
             receivers.fronts.as_slice(),
         );
@@ -181,7 +184,7 @@ mod tests {
         if with_samples {
             let mut bright = BrightSurfaces::new(&scene, &receivers, &radiances);
             assert!((1..10).contains(&bright.surfaces.len()));
-            let among = (&Device::Cpu, &scene);
+            let among = (&mut tracer as &mut dyn Tracer, &scene);
             let traced = bright.trace(among, &receivers.traced, (DIRECTIONS, 1), &mut |_| true);
             assert!(traced.unwrap());
             bright.add_to(&mut matrix, &scene, &receivers, (DIRECTIONS, rows, 1));

@@ -76,7 +76,7 @@ impl Bake<'_> {
         let evened = lights.as_ref().map(|lights| evened(&self.scene, lights));
         let evened = evened.as_ref();
         let mut tracer = (self.request.device).scene(evened.unwrap_or(&self.scene))?;
-        let Some(mut traced) = self.trace(&*tracer, evened, directions)? else {
+        let Some(mut traced) = self.trace(&mut *tracer, evened, directions)? else {
             return Ok(None);
         };
         if let Some(bright) = traced.bright.take() {
@@ -164,7 +164,7 @@ impl Bake<'_> {
     /// `tracer` traces, if that is not its own.
     fn trace(
         &mut self,
-        tracer: &dyn Tracer,
+        tracer: &mut dyn Tracer,
         evened: Option<&Gaussians>,
         directions: Directions,
     ) -> Result<Option<TracedTransport>> {
@@ -197,7 +197,7 @@ impl Bake<'_> {
         if traced.bright.is_some() {
             return Ok(Some(traced));
         }
-        let is_whole = self.trace_bright(&mut traced, directions);
+        let is_whole = self.trace_bright((tracer, evened), &mut traced, directions);
         if self.request.transport.is_some() || !matches!(is_whole, Ok(true)) {
             traced.write(&path)?;
         }
@@ -207,6 +207,7 @@ impl Bake<'_> {
     /// Traces light samples to what is bright where all rows are traced; `false` if it was stopped.
     fn trace_bright(
         &mut self,
+        (tracer, evened): (&mut dyn Tracer, Option<&Gaussians>),
         traced: &mut TracedTransport,
         directions: Directions,
     ) -> Result<bool> {
@@ -219,7 +220,7 @@ impl Bake<'_> {
             done == total || !stop.load(Ordering::Relaxed)
         };
         let random = (directions, self.request.options.seed);
-        let among = (&self.request.device, &self.scene);
+        let among = (tracer, evened.unwrap_or(&self.scene));
         let is_whole = bright.trace(among, &receivers.traced, random, &mut goes_on)?;
         if is_whole {
             self.num_rays += bright.num_rays;

@@ -66,7 +66,7 @@ impl Solution<'_> {
         let mut scene = scene.clone();
         forget_directions(&mut scene);
         let directions = irradiance::directions(self.method.number(scene.len(), false));
-        let tracer = self.device.scene(&scene)?;
+        let mut tracer = self.device.scene(&scene)?;
         let cameras = self.cameras.iter();
         let Some(receivers) = Receivers::find(&*tracer, &scene, cameras, told)? else {
             return Ok(None);
@@ -88,8 +88,8 @@ impl Solution<'_> {
         let mut bright = BrightSurfaces::new(&scene, &receivers, &matrix.direct);
         let mut goes_on = |done| told(BakeProgress::Gathering { done, total }).is_continue();
         let samples = (directions, self.seed);
-        let among = (self.device, &scene);
-        if !bright.trace(among, &receivers.traced, samples, &mut goes_on)? {
+        let traced = &receivers.traced;
+        if !bright.trace((&mut *tracer, &scene), traced, samples, &mut goes_on)? {
             return Ok(None);
         }
         bright.add_to(

@@ -2,7 +2,9 @@
 //! finite.
 
 use super::state::ParameterState;
-use super::{ALBEDO, CLASSES, NUM_PARAMETERS, RADIANCE, Raw, harmonics_gradient, raw_gradient};
+use super::{
+    ALBEDO, CLASSES, EMISSION, NUM_PARAMETERS, RADIANCE, Raw, harmonics_gradient, raw_gradient,
+};
 use crate::options::{HarmonicsOptions, LearningRates};
 use eagpt_scene::Gaussians;
 use eagpt_scene::harmonics::{NUM_COEFFICIENTS, functions_from, num_functions};
@@ -114,6 +116,10 @@ impl ParameterState {
             .with_min_len(1024)
             .enumerate()
             .map(|(i, (value, local))| {
+                // Most Gaussians of a room are not in the view.
+                if *local == LocalGradient::default() {
+                    return [0.0; NUM_PARAMETERS];
+                }
                 let mut g = gaussians.get(i);
                 g.radiance = gaussians.seen_radiance(i, eye);
                 let raw = raw_gradient(value, &g, local);
@@ -135,8 +141,9 @@ impl ParameterState {
         }
         (self.raw).step(num_moving, (&sizes.raw, 0.0), |i| raw[i]);
         if moves_harmonics {
-            let gradient = |i: usize| {
-                harmonics_gradient(&raw[i], &functions_from(eye, gaussians.positions[i]))
+            let gradient = |i: usize| match raw[i][RADIANCE..EMISSION] == [0.0; 3] {
+                true => [0.0; NUM_COEFFICIENTS],
+                false => harmonics_gradient(&raw[i], &functions_from(eye, gaussians.positions[i])),
             };
             let sizes = (&sizes.harmonics, sizes.harmonics_decay);
             self.harmonics.step(num_moving, sizes, gradient);
