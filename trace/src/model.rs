@@ -15,6 +15,9 @@ pub const MIN_WEIGHT: f32 = 1e-6;
 /// constant).
 pub const MIN_TRANSMITTANCE: f32 = 1e-4;
 
+/// A ray that passes no more than this share of the light is not free.
+pub(crate) const FREE: f32 = 0.5;
+
 /// Hits on planes seen more edge-on than this cosine do not count: the distance `(p−o)·n / (ω·n)`
 /// has lost its digits there (a relative rounding error of 6e-8 in the numerator grows beyond
 /// 1e-3), and a disc this thin covers nothing.

@@ -205,6 +205,10 @@ mod tests {
             self.0.trace_rays(rays)
         }
 
+        fn are_free(&self, rays: &[Ray], distances: &[f32]) -> Result<Vec<bool>, TraceError> {
+            self.0.are_free(rays, distances)
+        }
+
         fn render(
             &self,
             camera: &Camera,

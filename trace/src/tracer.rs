@@ -94,6 +94,14 @@ pub trait Tracer: Send + Sync {
     /// See [`Tracer`].
     fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError>;
 
+    /// Whether more than half of the light passes along each of `rays` up to its distance of
+    /// `distances`, scene units, one for each: shadows and views at a fraction of the cost of
+    /// [`Self::trace_rays`].
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn are_free(&self, rays: &[Ray], distances: &[f32]) -> Result<Vec<bool>, TraceError>;
+
     /// Renders `camera` with `integrator`.
     ///
     /// # Errors

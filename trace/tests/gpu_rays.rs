@@ -136,3 +136,23 @@ fn nothing_is_met_in_an_empty_scene() {
     );
     assert_eq!(empty.trace_rays(&[]).unwrap(), vec![]);
 }
+
+#[test]
+fn free_rays_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("free rays") else {
+        return;
+    };
+    let cloud = random_cloud(1500, 8);
+    let (scene, cpu) = (
+        GpuScene::new(&device, &cloud).unwrap(),
+        CpuScene::new(&cloud),
+    );
+    let rays = rays(300);
+    let distances: Vec<f32> = (0..300).map(|i| 0.01 * (i * 7 % 150) as f32).collect();
+    // Products in another order differ by roundings; none of these is that close to a half.
+    let wanted = cpu.are_free(&rays, &distances).unwrap();
+    assert_eq!(scene.are_free(&rays, &distances).unwrap(), wanted);
+    let num = wanted.iter().filter(|is_free| **is_free).count();
+    assert!((50..250).contains(&num), "{num}");
+    assert_eq!(scene.are_free(&[], &[]).unwrap(), [false; 0]);
+}

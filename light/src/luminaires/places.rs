@@ -189,19 +189,26 @@ fn looks(
             |i: &usize| !looks[*i].is_seen && camera.is_in_picture(camera.project(places[*i]));
         let open: Vec<usize> = (0..places.len()).filter(is_open).collect();
         for some in open.chunks(RAYS_AT_ONCE) {
-            let ray = |i: &usize| {
-                let towards = (places[*i] - eye).normalize_or_zero();
-                Ray::free(eye.to_array(), towards.to_array())
+            let sees = |depth: f32, some: &[usize]| {
+                let ray = |i: &usize| {
+                    let towards = (places[*i] - eye).normalize_or_zero();
+                    Ray::free(eye.to_array(), towards.to_array())
+                };
+                let rays: Vec<Ray> = some.iter().map(ray).collect();
+                let distance = |i: &usize| places[*i].distance(eye) - depth;
+                tracer.are_free(&rays, &some.iter().map(distance).collect::<Vec<_>>())
             };
-            let met = tracer.trace_rays(&some.iter().map(ray).collect::<Vec<_>>())?;
-            for (i, met) in some.iter().zip(met) {
-                let distance = places[*i].distance(eye);
-                let looks = &mut looks[*i];
-                if met.alpha() < 0.5 || met.mean_distance() > distance - shallow {
-                    looks.is_seen = true;
-                } else if met.mean_distance() > distance - near {
-                    let cosine = (eye - places[*i]).normalize_or_zero().dot(up);
-                    looks.hidden[ring(cosine)] += 1;
+            let mut hidden = Vec::new();
+            for (&i, is_seen) in some.iter().zip(sees(shallow, some)?) {
+                looks[i].is_seen = is_seen;
+                if !is_seen {
+                    hidden.push(i);
+                }
+            }
+            for (&i, is_near) in hidden.iter().zip(sees(near, &hidden)?) {
+                if is_near {
+                    let cosine = (eye - places[i]).normalize_or_zero().dot(up);
+                    looks[i].hidden[ring(cosine)] += 1;
                 }
             }
         }

@@ -14,7 +14,7 @@ use super::strip;
 use crate::alike::{Compared, Expected, Fit, Row};
 use crate::lamp_powers::luminances;
 use crate::segments::Segments;
-use eagpt_trace::{Features, TraceError, Tracer};
+use eagpt_trace::{TraceError, Tracer};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -264,7 +264,7 @@ impl Search<'_> {
         (positions, open): (&[Vec3], [usize; 2]),
         step: usize,
     ) -> Result<Vec<Lit>, TraceError> {
-        let (mut rays, mut lit) = (Vec::new(), Vec::new());
+        let (mut rays, mut distances, mut lit) = (Vec::new(), Vec::new(), Vec::new());
         let receivers = self.compared.receivers.iter().enumerate().step_by(step);
         let pairs = receivers.flat_map(|of| positions.iter().map(move |at| (of, *at)));
         for ((receiver, (_, surface)), position) in pairs {
@@ -278,22 +278,17 @@ impl Search<'_> {
             if is_far && cosine > GRAZING && order < open[side] {
                 rays.push(surface.ray(direction));
                 let light = cosine / (PI * distance * distance);
-                lit.push((
-                    distance + MARGIN * self.places.reach,
-                    Lit {
-                        receiver,
-                        ring,
-                        light,
-                    },
-                ));
+                distances.push(distance + MARGIN * self.places.reach);
+                lit.push(Lit {
+                    receiver,
+                    ring,
+                    light,
+                });
             }
         }
-        let met = self.tracer.trace_rays(&rays)?;
-        let is_free = |(met, (distance, _)): &(&Features, (f32, Lit))| {
-            met.alpha() < 0.5 || met.mean_distance() > *distance
-        };
-        let free = met.iter().zip(lit).filter(is_free);
-        Ok(free.map(|(_, (_, lit))| lit).collect())
+        let are_free = self.tracer.are_free(&rays, &distances)?;
+        let free = lit.into_iter().zip(are_free).filter(|(_, is_free)| *is_free);
+        Ok(free.map(|(lit, _)| lit).collect())
     }
 
     /// Intensities of the cones of `rows`.

@@ -69,6 +69,11 @@ impl CpuScene {
         SCRATCH.with_borrow_mut(|scratch| self.bvh().trace(&self.set, ray, scratch))
     }
 
+    /// Whether more than half of the light passes along `ray` up to a `distance`, scene units.
+    pub fn is_free(&self, ray: &Ray, distance: f32) -> bool {
+        SCRATCH.with_borrow_mut(|scratch| self.bvh().is_free(ray, distance, scratch))
+    }
+
     /// Whether any Gaussian mirrors light.
     pub fn is_glossy(&self) -> bool {
         !self.set.gloss.is_empty()

@@ -97,6 +97,11 @@ impl Tracer for CpuScene {
         Ok(rays.par_iter().map(|ray| self.trace(ray)).collect())
     }
 
+    fn are_free(&self, rays: &[Ray], distances: &[f32]) -> Result<Vec<bool>, TraceError> {
+        let is_free = |(ray, distance): (&Ray, &f32)| self.is_free(ray, *distance);
+        Ok(rays.par_iter().zip(distances).map(is_free).collect())
+    }
+
     fn render(
         &self,
         camera: &Camera,

@@ -12,7 +12,7 @@ use crate::blend::Contribution;
 use crate::camera_rays::CameraRays;
 use crate::cpu::realizations::NUM_REALIZATIONS;
 use crate::features::lane;
-use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
+use crate::model::{FREE, MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::surfel::Surfel;
 use crate::transport::light_list::MAX_CLUSTERS;
 use crate::transport::matrix::{EMITTER, NOTHING};
@@ -100,6 +100,7 @@ pub(super) fn declarations() -> String {
         ("MIN_WEIGHT", MIN_WEIGHT),
         ("MIN_TRANSMITTANCE", MIN_TRANSMITTANCE),
         ("MIN_COSINE", MIN_COSINE),
+        ("FREE", FREE),
         ("OWN_COSINE", OWN_COSINE),
         ("START_MIN_ALPHA", start::MIN_ALPHA),
         ("OFFSET_DEVIATIONS", start::OFFSET_DEVIATIONS),

@@ -222,6 +222,11 @@ kernels! { shader::sources;
         4 nodes: Read HalfNode, 5 leaf_indices: Read u32, 6 rays: Read RayQuery,
         7 ray_features: Write Features, 8 glosses: Read [f32; 4], 9 ray_glosses: Write [f32; 4],
     }
+    FREE_RAYS = "free_rays" find_free_rays [] {
+        1 light: Uniform LightParameters, 2 surfels: Read Surfel, 4 nodes: Read HalfNode,
+        5 leaf_indices: Read u32, 6 rays: Read RayQuery, 7 distances: Read f32,
+        8 is_free: Write u32,
+    }
     GATHER_BOUNCES = "bounce" gather_bounces [] {
         0 view: Uniform View, 1 light: Uniform LightParameters, 2 surfels: Read Surfel,
         3 attributes: Read Attributes, 4 nodes: Read HalfNode, 5 leaf_indices: Read u32,

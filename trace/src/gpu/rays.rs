@@ -31,8 +31,24 @@ impl Rays<'_> {
         queries: &[RayQuery],
     ) -> Result<Vec<Features>, GpuError> {
         let features = self.features(queries.len())?;
-        self.run(kernel, queries, &[&features])?;
+        let (scene, found) = ([&self.scene.attributes], [&features]);
+        self.run(kernel, queries, (&scene, &found))?;
         self.read_features(&features, queries.len())
+    }
+
+    /// Whether more than half of the light passes along each ray up to its distance.
+    pub(super) fn are_free(
+        &self,
+        rays: &[Ray],
+        distances: &[f32],
+    ) -> Result<Vec<bool>, GpuError> {
+        let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
+        let distances = (self.device).upload("distances", bytemuck::cast_slice(distances))?;
+        let size = (rays.len() * size_of::<u32>()) as u64;
+        let is_free = self.device.buffer("free rays", size)?;
+        self.run(&kernels::FREE_RAYS, &queries, (&[], &[&distances, &is_free]))?;
+        let is_free = (self.device).read::<u32>(&is_free, 0..rays.len())?;
+        Ok(is_free.into_iter().map(|one| one == 1).collect())
     }
 
     /// Blended features and gloss along each ray, of a glossy scene.
@@ -45,7 +61,8 @@ impl Rays<'_> {
         let size = (rays.len() * size_of::<[f32; 4]>()) as u64;
         let found = self.device.buffer("gloss of rays", size)?;
         let buffers = [&features, glosses, &found];
-        self.run(&kernels::BLEND_GLOSSY_RAYS, &queries, &buffers)?;
+        let kernel = &kernels::BLEND_GLOSSY_RAYS;
+        self.run(kernel, &queries, (&[&self.scene.attributes], &buffers))?;
         let rows = (self.device).read::<[f32; 4]>(&found, 0..rays.len())?;
         let gloss = rows.into_iter().map(|[r, g, b, roughness]| Gloss {
             specular: Vec3::new(r, g, b),
@@ -86,12 +103,12 @@ impl Rays<'_> {
         Ok(lanes.into_iter().map(Features).collect())
     }
 
-    /// Runs a kernel of rays, whose buffers after the rays are `results`.
+    /// Runs a kernel of rays, with these buffers after that of the surfels and after the rays.
     fn run(
         &self,
         kernel: &'static Kernel,
         queries: &[RayQuery],
-        results: &[&wgpu::Buffer],
+        (of_scene, found): (&[&wgpu::Buffer], &[&wgpu::Buffer]),
     ) -> Result<(), GpuError> {
         let Self {
             device,
@@ -111,15 +128,8 @@ impl Rays<'_> {
                 ..LightParameters::zeroed()
             };
             let uniform = device.uniform("light", &parameters);
-            let buffers = [
-                &uniform,
-                &scene.surfels,
-                &scene.attributes,
-                &light.nodes,
-                &light.leaf_indices,
-                &queries,
-            ];
-            let buffers = [&buffers[..], results].concat();
+            let of_lights = [&light.nodes, &light.leaf_indices, &queries];
+            let buffers = [&[&uniform, &scene.surfels], of_scene, &of_lights, found].concat();
             passes.push(device.pass(kernel, &buffers, groups(end - first)));
         }
         device.run(&passes)

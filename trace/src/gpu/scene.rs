@@ -282,6 +282,10 @@ impl Tracer for GpuScene {
             .trace(&kernels::BLEND_RAYS, &queries)?)
     }
 
+    fn are_free(&self, rays: &[Ray], distances: &[f32]) -> Result<Vec<bool>, TraceError> {
+        Ok(self.rays(&*self.light()?).are_free(rays, distances)?)
+    }
+
     fn render(
         &self,
         camera: &Camera,

@@ -26,7 +26,7 @@ pub use shaders;
 pub(super) const FILES: &[(&str, &str)] = shaders! {
     "adjoint_count" "adjoint_gather" "adjoint_rows" "adjoint_weights"
     "bins_expand" "bins_lists" "bins_project" "bounce" "camera" "harmonics_view"
-    "matrix" "path" "rays" "scan" "sort"
+    "free_rays" "matrix" "path" "rays" "scan" "sort"
     "shared/band" "shared/blend" "shared/bsdf" "shared/bvh" "shared/camera_no_record" "shared/camera_record" "shared/color"
     "shared/contribution_row" "shared/exp" "shared/features" "shared/gloss_blend" "shared/gradient_row"
     "shared/harmonics" "shared/integrator" "shared/light_list" "shared/lights"

@@ -4,6 +4,7 @@ use super::cameras;
 use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::random_cloud;
 use eagpt_trace::blend::GradientMask;
+use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::ray::Ray;
@@ -50,20 +51,47 @@ fn needles_ties_and_grazing_discs_are_found_by_all_searches() {
     }
 }
 
+/// Light that passes is the product over all hits up to a distance, here of all Gaussians in turn.
+#[test]
+fn rays_are_free_up_to_where_half_of_the_light_is_left() {
+    let gaussians = random_cloud(1500, 8);
+    let set = SurfelSet::new(&gaussians);
+    let scene = CpuScene::new(&gaussians);
+    let mut counts = [0; 2];
+    for (i, ray) in (0..).zip(sphere_of_rays()) {
+        let distance = 0.01 * (i % 150) as f32;
+        let passed: f64 = (set.surfels.iter())
+            .filter_map(|surfel| {
+                let seen = surfel.seen_from(ray.origin);
+                let met = seen.meet(ray.direction);
+                let is_before = seen.counts(&met) && met.t <= distance;
+                let r2 = f64::from(met.u).powi(2) + f64::from(met.v).powi(2);
+                is_before.then(|| 1.0 - f64::from(surfel.opacity) * (-0.5 * r2).exp())
+            })
+            .product();
+        // Products in another order differ by roundings.
+        if (passed - 0.5).abs() > 1e-5 {
+            assert_eq!(scene.is_free(&ray, distance), passed > 0.5, "{i}: {passed}");
+            counts[usize::from(passed > 0.5)] += 1;
+        }
+    }
+    assert!(counts.iter().all(|num| *num > 40), "{counts:?}");
+}
+
+fn sphere_of_rays() -> impl Iterator<Item = Ray> {
+    (0..400).map(|i| {
+        let a = i as f32 * 2.399_963;
+        let z = 1.0 - (2 * i + 1) as f32 / 400.0;
+        let flat = (1.0 - z * z).sqrt();
+        let direction = Vec3::new(flat * a.cos(), flat * a.sin(), z).normalize();
+        Ray::free([0.05, -0.02, 0.1], direction.to_array())
+    })
+}
+
 fn trace_sphere_of_rays(set: &SurfelSet, bvh: &Bvh) -> Vec<eagpt_trace::Features> {
     let mut scratch = RayScratch::default();
-    (0..400)
-        .map(|i| {
-            let a = i as f32 * 2.399_963;
-            let z = 1.0 - (2 * i + 1) as f32 / 400.0;
-            let flat = (1.0 - z * z).sqrt();
-            let direction = Vec3::new(flat * a.cos(), flat * a.sin(), z).normalize();
-            bvh.trace(
-                set,
-                &Ray::free([0.05, -0.02, 0.1], direction.to_array()),
-                &mut scratch,
-            )
-        })
+    sphere_of_rays()
+        .map(|ray| bvh.trace(set, &ray, &mut scratch))
         .collect()
 }
 

@@ -172,7 +172,7 @@ fn find_nearest(
     let mut nearest: Option<(u32, f32)> = None;
     let direction = Vec3::from(ray.direction);
     let own_normal = Vec3::from(ray.own_normal);
-    visit_leaves(nodes, ray, stack, |leaf, t_max| {
+    visit_leaves(nodes, (ray, f32::INFINITY), stack, |leaf, t_max| {
         let leaf = &leaves[leaf];
         let (t, met) = leaf.meet(ray, *t_max);
         for lane in met {
@@ -206,7 +206,7 @@ fn find_all(
     stack: &mut Stack,
     found: &mut Vec<u32>,
 ) {
-    visit_leaves(nodes, ray, stack, |leaf, t_max| {
+    visit_leaves(nodes, (ray, f32::INFINITY), stack, |leaf, t_max| {
         let leaf = &leaves[leaf];
         let (_, met) = leaf.meet(ray, *t_max);
         found.extend(met.map(|lane| leaf.index[lane]));

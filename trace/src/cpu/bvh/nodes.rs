@@ -93,12 +93,12 @@ pub(super) fn cost(nodes: &[Node]) -> f32 {
     nodes.iter().map(area).sum::<f32>() / root.max(f32::MIN_POSITIVE)
 }
 
-/// Calls `visit` with the leaves along `ray`, nearer ones mostly first, and with the distance
-/// beyond which nothing matters any more, which `visit` may lower.
+/// Calls `visit` with the leaves along `ray` up to a distance, nearer ones mostly first, and with
+/// the distance beyond which nothing matters any more, which `visit` may lower.
 #[inline(always)]
 pub(super) fn visit_leaves(
     nodes: &[Node],
-    ray: &Ray,
+    (ray, distance): (&Ray, f32),
     stack: &mut Stack,
     mut visit: impl FnMut(usize, &mut f32),
 ) {
@@ -107,7 +107,7 @@ pub(super) fn visit_leaves(
         return;
     }
     let ray = SlabRay::new(ray);
-    let mut t_max = f32::INFINITY;
+    let mut t_max = distance;
     let mut next = Some(0);
     while let Some(child) = next {
         if child & LEAF != 0 {

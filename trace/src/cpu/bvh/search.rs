@@ -5,7 +5,7 @@ use super::{Bvh, Leaf};
 use crate::blend::{BlendStatus, Blender, GlossBlend, Hit, sort_hits};
 use crate::cpu::lanes::Lanes;
 use crate::features::Features;
-use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
+use crate::model::{FREE, MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet, exp_of_negative};
 use eagpt_scene::Gloss;
@@ -56,6 +56,12 @@ impl Bvh {
     /// where the ray does. `seed` makes the choice; rays with the same one make the same choices.
     pub fn sample_hit(&self, ray: &Ray, seed: u32, scratch: &mut RayScratch) -> Option<Hit> {
         find_accepted(&self.nodes, &self.leaves, ray, seed, &mut scratch.stack)
+    }
+
+    /// Whether more than half of the light passes along `ray` up to a `distance`: hits in any order,
+    /// no further than that, and no more of them than it takes.
+    pub fn is_free(&self, ray: &Ray, distance: f32, scratch: &mut RayScratch) -> bool {
+        passes_half(&self.nodes, &self.leaves, (ray, distance), &mut scratch.stack)
     }
 
     /// Composited features along `ray`.
@@ -130,7 +136,7 @@ fn find_hits(nodes: &[Node], leaves: &[Leaf], ray: &Ray, reach: Reach, scratch: 
     let RayScratch { hits, stack, .. } = scratch;
     hits.clear();
     let mut prune_at = FIRST_PRUNE;
-    visit_leaves(nodes, ray, stack, |leaf, t_max| {
+    visit_leaves(nodes, (ray, f32::INFINITY), stack, |leaf, t_max| {
         meet_leaf(&leaves[leaf], ray, *t_max, |hit| hits.push(hit));
         if reach == Reach::UntilOpaque && hits.len() >= prune_at {
             *t_max = prune(hits);
@@ -152,7 +158,7 @@ fn find_accepted(
     stack: &mut Stack,
 ) -> Option<Hit> {
     let mut nearest: Option<Hit> = None;
-    visit_leaves(nodes, ray, stack, |leaf, t_max| {
+    visit_leaves(nodes, (ray, f32::INFINITY), stack, |leaf, t_max| {
         meet_leaf(&leaves[leaf], ray, *t_max, |hit| {
             let is_nearer = nearest.is_none_or(|so_far| hit.is_before(&so_far));
             if is_nearer && uniform_of(seed, hit.index()) < hit.alpha {
@@ -162,6 +168,22 @@ fn find_accepted(
         });
     });
     nearest
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "aarch64+neon"
+))]
+fn passes_half(nodes: &[Node], leaves: &[Leaf], to: (&Ray, f32), stack: &mut Stack) -> bool {
+    let mut passed = 1.0;
+    visit_leaves(nodes, to, stack, |leaf, t_max| {
+        meet_leaf(&leaves[leaf], to.0, *t_max, |hit| passed *= 1.0 - hit.alpha);
+        if passed <= FREE {
+            *t_max = f32::NEG_INFINITY;
+        }
+    });
+    passed > FREE
 }
 
 /// A number in [0, 1) for each Gaussian that a ray may meet: the order in which a search finds them
