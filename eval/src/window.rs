@@ -1,5 +1,7 @@
 //! The 11-tap Gaussian window of SSIM, as passes over contiguous rows that the compiler vectorises.
 
+use multiversion::multiversion;
+
 /// Taps on each side of the centre.
 pub const RADIUS: usize = 5;
 const NUM_TAPS: usize = 2 * RADIUS + 1;
@@ -17,12 +19,14 @@ pub const WEIGHTS: [f32; RADIUS + 1] = [
 
 /// Blurs along x. `padded` holds the row between `RADIUS` values on each side, `out` has the length
 /// of the row.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub(crate) fn blur_row(padded: &[f32], out: &mut [f32]) {
     weighted_sum(std::array::from_fn(|tap| &padded[tap..]), out);
 }
 
 /// Blurs along y: `out` is the sum of the eleven rows that start at `rows` and lie `stride` values
 /// apart.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub(crate) fn blur_columns(rows: &[f32], stride: usize, out: &mut [f32]) {
     weighted_sum(std::array::from_fn(|tap| &rows[tap * stride..]), out);
 }

@@ -192,7 +192,10 @@ impl GBuffer {
 
     /// Radiance R of every pixel.
     pub fn radiance(&self) -> Image<3> {
-        self.extract(|features| features.radiance().to_array())
+        let pixels = self.pixels.par_iter().with_min_len(2048);
+        let pixels = pixels.map(|features| features.radiance().to_array());
+        Image::from_pixels(self.width, self.height, pixels.collect())
+            .expect("the number of features is the number of pixels")
     }
 
     /// Depth of every pixel along the optical axis of the `camera` the features are of; the

@@ -85,8 +85,8 @@ impl SeenPoints {
                 normal: normal * normal.dot(to_eye).signum(),
             })
         };
-        let pixels = self.of_pixels.iter().enumerate();
-        pixels.filter_map(told).collect()
+        let pixels = self.of_pixels.par_iter().enumerate();
+        pixels.with_min_len(2048).filter_map(told).collect()
     }
 }
 

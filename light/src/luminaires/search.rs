@@ -287,7 +287,10 @@ impl Search<'_> {
             }
         }
         let are_free = self.tracer.are_free(&rays, &distances)?;
-        let free = lit.into_iter().zip(are_free).filter(|(_, is_free)| *is_free);
+        let free = lit
+            .into_iter()
+            .zip(are_free)
+            .filter(|(_, is_free)| *is_free);
         Ok(free.map(|(lit, _)| lit).collect())
     }
 

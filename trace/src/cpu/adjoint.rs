@@ -16,7 +16,7 @@
 //! same for any number of threads.
 
 use super::harmonics::as_seen;
-use super::record::{BlendedHit, CameraRecord, TileRecord};
+use super::record::{BlendedHit, CameraRecord, TileRecord, sum_rows};
 use super::tile::pixels_of_tile;
 use crate::attributes::{Attributes, Face};
 use crate::blend::{GradientMask, LocalGradient, grad_lane};
@@ -96,8 +96,7 @@ impl CameraRecord {
                     adjoint_of_tile(&loss, grid, tile, record, scratch);
                 });
             });
-        self.rows.find(set.len(), &self.tiles);
-        self.rows.sum(&self.tiles)
+        sum_rows(set.len(), &self.tiles)
     }
 }
 

@@ -18,7 +18,6 @@ pub struct CameraRecord {
     pub(super) rays: Option<CameraRays>,
     pub(super) tiles: Vec<TileRecord>,
     pub(super) bins: TileBins,
-    pub(super) rows: RowPlaces,
     /// Attributes as the camera sees them, where that makes a difference.
     pub(super) seen: Vec<Attributes>,
 }
@@ -29,7 +28,7 @@ pub(super) struct TileRecord {
     pub(super) features: Vec<Features>,
     /// Row of each slot; [`UNUSED`] where nothing was blended.
     pub(super) rows: Vec<u32>,
-    /// Index in the scene of each row.
+    /// Index in the scene of each row, ascending.
     pub(super) gaussians: Vec<u32>,
     pub(super) hits: Vec<BlendedHit>,
     /// End of each pixel's hits.
@@ -190,52 +189,27 @@ impl TileRecord {
     }
 }
 
-/// Where the rows of each Gaussian are.
-#[derive(Debug, Clone, Default)]
-pub(super) struct RowPlaces {
-    /// First place of each Gaussian, and the end.
-    starts: Vec<u32>,
-    next: Vec<u32>,
-    /// Tile and row, tiles in order.
-    places: Vec<(u32, u32)>,
-}
+/// Gaussians whose rows a thread adds at once: their gradients stay in a near cache.
+const SUMMED_AT_ONCE: usize = 2048;
 
-impl RowPlaces {
-    pub(super) fn find(&mut self, num_gaussians: usize, tiles: &[TileRecord]) {
-        self.starts.clear();
-        self.starts.resize(num_gaussians + 1, 0);
-        for &g in tiles.iter().flat_map(|tile| &tile.gaussians) {
-            self.starts[g as usize + 1] += 1;
-        }
-        for g in 0..num_gaussians {
-            self.starts[g + 1] += self.starts[g];
-        }
-        self.places
-            .resize(self.starts[num_gaussians] as usize, (0, 0));
-        self.next.clear();
-        self.next.extend_from_slice(&self.starts);
-        for (tile, record) in tiles.iter().enumerate() {
-            for (row, &g) in record.gaussians.iter().enumerate() {
-                let next = &mut self.next[g as usize];
-                self.places[*next as usize] = (tile as u32, row as u32);
-                *next += 1;
-            }
-        }
-    }
-
-    /// Adds the rows of each Gaussian.
-    pub(super) fn sum(&self, tiles: &[TileRecord]) -> Vec<LocalGradient> {
-        (0..self.starts.len() - 1)
-            .into_par_iter()
-            .with_min_len(1024)
-            .map(|g| {
-                let mut total = LocalGradient::default();
-                let range = self.starts[g] as usize..self.starts[g + 1] as usize;
-                for &(tile, row) in &self.places[range] {
-                    total.add(&tiles[tile as usize].gradients[row as usize]);
+/// The gradient of each of `num_gaussians`: the sum of its rows in `tiles`, in their order.
+pub(super) fn sum_rows(num_gaussians: usize, tiles: &[TileRecord]) -> Vec<LocalGradient> {
+    let mut sums = vec![LocalGradient::default(); num_gaussians];
+    sums.par_chunks_mut(SUMMED_AT_ONCE)
+        .enumerate()
+        .for_each(|(chunk, sums)| {
+            let first = (chunk * SUMMED_AT_ONCE) as u32;
+            let end = first + sums.len() as u32;
+            for tile in tiles {
+                // Rows are in the order of the scene.
+                let rows = tile.gaussians.partition_point(|&g| g < first)..;
+                let rows = tile.gaussians[rows.clone()]
+                    .iter()
+                    .zip(&tile.gradients[rows]);
+                for (&g, gradient) in rows.take_while(|(g, _)| **g < end) {
+                    sums[(g - first) as usize].add(gradient);
                 }
-                total
-            })
-            .collect()
-    }
+            }
+        });
+    sums
 }

@@ -37,16 +37,16 @@ impl Rays<'_> {
     }
 
     /// Whether more than half of the light passes along each ray up to its distance.
-    pub(super) fn are_free(
-        &self,
-        rays: &[Ray],
-        distances: &[f32],
-    ) -> Result<Vec<bool>, GpuError> {
+    pub(super) fn are_free(&self, rays: &[Ray], distances: &[f32]) -> Result<Vec<bool>, GpuError> {
         let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
         let distances = (self.device).upload("distances", bytemuck::cast_slice(distances))?;
         let size = (rays.len() * size_of::<u32>()) as u64;
         let is_free = self.device.buffer("free rays", size)?;
-        self.run(&kernels::FREE_RAYS, &queries, (&[], &[&distances, &is_free]))?;
+        self.run(
+            &kernels::FREE_RAYS,
+            &queries,
+            (&[], &[&distances, &is_free]),
+        )?;
         let is_free = (self.device).read::<u32>(&is_free, 0..rays.len())?;
         Ok(is_free.into_iter().map(|one| one == 1).collect())
     }

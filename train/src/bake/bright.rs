@@ -175,11 +175,7 @@ mod tests {
         };
         let mut tracer = CpuScene::new(&scene);
         let rows = RandomKey::new(1, Purpose::Bake, 1);
-        let among = (
-            &tracer as &dyn Tracer,
-            &scene,
-            receivers.fronts.as_slice(),
-        );
+        let among = (&tracer as &dyn Tracer, &scene, receivers.fronts.as_slice());
         let mut matrix = irradiance::rows(among, &receivers.traced, DIRECTIONS, rows).unwrap();
         if with_samples {
             let mut bright = BrightSurfaces::new(&scene, &receivers, &radiances);

@@ -61,46 +61,46 @@ impl ColorLoss {
         let pq = Image::from_pixels(
             width,
             height,
-            encoded.iter().map(|p| p.map(|c| c.0)).collect(),
+            (encoded.par_iter().with_min_len(2048))
+                .map(|p| p.map(|c| c.0))
+                .collect(),
         )
         .expect("as many pixels as before");
         let windows = known.map(KnownPixels::windows);
         let ssim = ssim_with_gradient(target_pq, &pq, windows.as_ref());
         let num_values = 3 * known.map_or(encoded.len(), KnownPixels::num).max(1);
         let d_l1 = ((1.0 - ssim_share) / num_values as f64) as f32;
-        let rows: Vec<(f64, Vec<[f32; 3]>)> = (0..height as usize)
-            .into_par_iter()
-            .map(|y| {
-                let start = y * width as usize;
+        let mut d_pixels = vec![[0.0; 3]; encoded.len()];
+        let rows: Vec<f64> = d_pixels
+            .par_chunks_mut(width as usize)
+            .enumerate()
+            .map(|(y, d_row)| {
                 let mut total = 0.0;
-                let row = (start..start + width as usize)
-                    .map(|i| {
-                        if known.is_some_and(|known| !known.has(i)) {
-                            return [0.0; 3];
-                        }
-                        std::array::from_fn(|c| {
-                            let difference = pq.pixels()[i][c] - target_pq.pixels()[i][c];
-                            total += f64::from(difference.abs());
-                            let sign = if difference == 0.0 {
-                                0.0
-                            } else {
-                                d_l1.copysign(difference)
-                            };
-                            let d_pq = sign - ssim_share as f32 * ssim.d_test.pixels()[i][c];
-                            d_pq * encoded[i][c].1
-                        })
-                    })
-                    .collect();
-                (total, row)
+                for (i, d_pixel) in (y * width as usize..).zip(d_row) {
+                    if known.is_some_and(|known| !known.has(i)) {
+                        continue;
+                    }
+                    for c in 0..3 {
+                        let difference = pq.pixels()[i][c] - target_pq.pixels()[i][c];
+                        total += f64::from(difference.abs());
+                        let sign = if difference == 0.0 {
+                            0.0
+                        } else {
+                            d_l1.copysign(difference)
+                        };
+                        let d_pq = sign - ssim_share as f32 * ssim.d_test.pixels()[i][c];
+                        d_pixel[c] = d_pq * encoded[i][c].1;
+                    }
+                }
+                total
             })
             .collect();
-        let l1 = rows.iter().map(|row| row.0).sum::<f64>() / num_values as f64;
-        let pixels = rows.into_iter().flat_map(|row| row.1).collect();
+        let l1 = rows.iter().sum::<f64>() / num_values as f64;
         Self {
             value: (1.0 - ssim_share) * l1 + ssim_share * (1.0 - ssim.value),
             l1,
             ssim: ssim.value,
-            d_radiance: Image::from_pixels(width, height, pixels)
+            d_radiance: Image::from_pixels(width, height, d_pixels)
                 .expect("as many pixels as before"),
         }
     }

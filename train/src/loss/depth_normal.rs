@@ -34,8 +34,9 @@ pub fn add(
     // The origin drops out of differences.
     let points: Vec<Vec3> = features
         .pixels
-        .iter()
+        .par_iter()
         .zip(&directions)
+        .with_min_len(2048)
         .map(|(s, d)| *d * s.mean_distance())
         .collect();
     let gradients: Vec<PixelGradient> = (0..width * height)

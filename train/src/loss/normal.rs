@@ -4,6 +4,7 @@ use eagpt_eval::KnownPixels;
 use eagpt_scene::Image;
 use eagpt_trace::features::{Features, GBuffer, lane};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Pixels less opaque than this have no normal worth comparing.
 pub(crate) const MIN_NORMAL_ALPHA: f32 = 0.5;
@@ -16,40 +17,40 @@ pub(super) fn normal_map_loss(
     known: Option<&KnownPixels>,
     d_features: &mut [Features],
 ) -> f64 {
-    let counts = |seen: &Features, wanted: Vec3| {
-        wanted != Vec3::ZERO
+    let pair = |i: usize| {
+        let (seen, wanted) = (&features.pixels[i], Vec3::from(map.pixels()[i]));
+        let counts = wanted != Vec3::ZERO
+            && known.is_none_or(|known| known.has(i))
             && seen.alpha() > MIN_NORMAL_ALPHA
-            && seen.normal().length_squared() > 0.0
+            && seen.normal().length_squared() > 0.0;
+        counts.then(|| (seen.normal(), wanted))
     };
-    let pairs = || {
-        features
-            .pixels
-            .iter()
-            .zip(map.pixels())
-            .enumerate()
-            .map(|(i, (s, n))| match known {
-                Some(known) if !known.has(i) => (s, Vec3::ZERO),
-                _ => (s, Vec3::from(*n)),
-            })
-    };
-    let num = pairs().filter(|(s, n)| counts(s, *n)).count();
+    let pixels = (0..features.pixels.len()).into_par_iter();
+    let num = pixels.filter(|i| pair(*i).is_some()).count();
     if num == 0 {
         return 0.0;
     }
     let d_share = (weight / num as f64) as f32;
-    let mut total = 0.0;
-    for (d, (seen, wanted)) in d_features
-        .iter_mut()
-        .zip(pairs())
-        .filter(|(_, (s, n))| counts(s, *n))
-    {
-        let (value, d_normal) = one_minus_cosine(seen.normal(), wanted);
-        total += f64::from(value);
-        for k in 0..3 {
-            d.0[lane::NORMAL + k] += d_share * d_normal[k];
-        }
-    }
-    total / num as f64
+    let width = features.width as usize;
+    let rows: Vec<f64> = d_features
+        .par_chunks_mut(width)
+        .enumerate()
+        .map(|(y, d_row)| {
+            let mut total = 0.0;
+            for (x, d) in d_row.iter_mut().enumerate() {
+                let Some((seen, wanted)) = pair(y * width + x) else {
+                    continue;
+                };
+                let (value, d_normal) = one_minus_cosine(seen, wanted);
+                total += f64::from(value);
+                for k in 0..3 {
+                    d.0[lane::NORMAL + k] += d_share * d_normal[k];
+                }
+            }
+            total
+        })
+        .collect();
+    rows.iter().sum::<f64>() / num as f64
 }
 
 /// `1 − (n/|n|)·m` for unit `m`, and its gradient with respect to `n`.

@@ -61,7 +61,12 @@ impl Bvh {
     /// Whether more than half of the light passes along `ray` up to a `distance`: hits in any order,
     /// no further than that, and no more of them than it takes.
     pub fn is_free(&self, ray: &Ray, distance: f32, scratch: &mut RayScratch) -> bool {
-        passes_half(&self.nodes, &self.leaves, (ray, distance), &mut scratch.stack)
+        passes_half(
+            &self.nodes,
+            &self.leaves,
+            (ray, distance),
+            &mut scratch.stack,
+        )
     }
 
     /// Composited features along `ray`.
