@@ -9,7 +9,7 @@ use super::bins::{TILE, TILE_PIXELS, TileBins};
 use super::bvh::{Bvh, RayScratch, Reach};
 use super::harmonics::evaluate_harmonics;
 use super::hits::BlockHits;
-use super::record::{BlendedHit, CameraRecord, TileRecord, UNUSED};
+use super::record::{BlendedHit, CameraRecord, TileRecord, UNUSED, row_by_row};
 use super::search::TileList;
 use super::tile::{BLOCKS, LANES, TileRays};
 use crate::attributes::Attributes;
@@ -19,6 +19,7 @@ use crate::features::GBuffer;
 use crate::ray::Ray;
 use crate::surfel::{SeenSet, SurfelSet};
 use eagpt_scene::Camera;
+use eagpt_scene::camera::RayFrame;
 use multiversion::multiversion;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -80,32 +81,96 @@ impl CameraRecord {
     ) -> GBuffer {
         self.rays = Some(rays.clone());
         let grid = rays.grid();
-        let frame = grid.ray_frame();
-        let (tiles_x, tiles_y) = (grid.width.div_ceil(TILE), grid.height.div_ceil(TILE));
         self.bins.fill(set, rays);
         self.tiles
-            .resize_with((tiles_x * tiles_y) as usize, TileRecord::default);
-        let bins = &self.bins;
-        let seen = evaluate_harmonics(set, frame.origin, bins, &mut self.seen);
+            .resize_with(num_tiles(&grid), TileRecord::default);
+        let among = (set, &self.bins, &mut self.seen);
+        let traced = Traced::new(among, (rays, &grid), (search, keep));
         self.tiles
             .par_iter_mut()
             .enumerate()
-            .for_each(|(tile, record)| {
-                let rays = TileRays::new(rays, (&grid, &frame), tile);
-                SCRATCH.with_borrow_mut(|scratch| {
-                    record.clear();
-                    match search {
-                        HitSearch::SingleRays(bvh) => {
-                            trace_tile_by_rays(seen, bvh, &rays, scratch, record, keep);
-                        }
-                        HitSearch::Tiles => {
-                            trace_tile(seen, bins, tile, &rays, scratch, record, keep);
-                        }
-                    }
-                    record.name_rows(&scratch.list.slots);
-                });
-            });
+            .for_each(|(tile, record)| traced.record(tile, record));
         self.gbuffer()
+    }
+}
+
+/// Composited features of the pixels of `camera`, and what `read` makes of the record of each tile,
+/// in their order. The memory of a record is used again for the next tile.
+pub(super) fn read_tiles<T: Send>(
+    set: &SurfelSet,
+    camera: &Camera,
+    read: impl Fn(usize, &TileRecord) -> T + Sync,
+) -> (GBuffer, Vec<T>) {
+    let rays = CameraRays::from(*camera);
+    let (mut bins, mut seen) = (TileBins::default(), Vec::new());
+    bins.fill(set, &rays);
+    let among = (set, &bins, &mut seen);
+    let traced = Traced::new(among, (&rays, camera), (HitSearch::Tiles, Keep::Record));
+    let tiles = (0..num_tiles(camera)).into_par_iter();
+    let told = tiles.map_init(TileRecord::default, |record, tile| {
+        traced.record(tile, record);
+        let told = read(tile, record);
+        (std::mem::take(&mut record.features), told)
+    });
+    let (features, told): (Vec<_>, Vec<_>) = told.unzip();
+    let features = GBuffer {
+        width: camera.width,
+        height: camera.height,
+        pixels: row_by_row(camera, |tile| &features[tile]),
+    };
+    (features, told)
+}
+
+/// Tiles of a camera.
+fn num_tiles(camera: &Camera) -> usize {
+    (camera.width.div_ceil(TILE) * camera.height.div_ceil(TILE)) as usize
+}
+
+/// Rays of a camera that are traced tile by tile.
+struct Traced<'a> {
+    set: SeenSet<'a>,
+    bins: &'a TileBins,
+    rays: &'a CameraRays,
+    grid: &'a Camera,
+    frame: RayFrame,
+    search: HitSearch<'a>,
+    keep: Keep,
+}
+
+impl<'a> Traced<'a> {
+    /// The Gaussians of `bins`, as seen by the `rays` of a grid; `memory` is for how they look.
+    fn new(
+        (set, bins, memory): (&'a SurfelSet, &'a TileBins, &'a mut Vec<Attributes>),
+        (rays, grid): (&'a CameraRays, &'a Camera),
+        (search, keep): (HitSearch<'a>, Keep),
+    ) -> Self {
+        let frame = grid.ray_frame();
+        Self {
+            set: evaluate_harmonics(set, frame.origin, bins, memory),
+            bins,
+            rays,
+            grid,
+            frame,
+            search,
+            keep,
+        }
+    }
+
+    /// Traces a tile into the memory of `record`.
+    fn record(&self, tile: usize, record: &mut TileRecord) {
+        let rays = TileRays::new(self.rays, (self.grid, &self.frame), tile);
+        SCRATCH.with_borrow_mut(|scratch| {
+            record.clear();
+            match self.search {
+                HitSearch::SingleRays(bvh) => {
+                    trace_tile_by_rays(self.set, bvh, &rays, scratch, record, self.keep);
+                }
+                HitSearch::Tiles => {
+                    trace_tile(self.set, self.bins, tile, &rays, scratch, record, self.keep);
+                }
+            }
+            record.name_rows(&scratch.list.slots);
+        });
     }
 }
 

@@ -75,25 +75,8 @@ impl CameraRecord {
         rays.means(GBuffer {
             width: grid.width,
             height: grid.height,
-            pixels: self.features(&grid),
+            pixels: row_by_row(&grid, |tile| &self.tiles[tile].features),
         })
-    }
-
-    fn features(&self, camera: &Camera) -> Vec<Features> {
-        let mut pixels = vec![Features::default(); camera.num_pixels()];
-        let tiles_x = camera.width.div_ceil(TILE) as usize;
-        pixels
-            .par_chunks_mut((camera.width * TILE) as usize)
-            .enumerate()
-            .for_each(|(band, rows)| {
-                let start = band * (camera.width * TILE) as usize;
-                for tile in band * tiles_x..(band + 1) * tiles_x {
-                    for (p, pixel) in pixels_of_tile(camera, tile) {
-                        rows[pixel - start] = self.tiles[tile].features[p];
-                    }
-                }
-            });
-        pixels
     }
 
     /// Number of blended hits of all pixels.
@@ -129,31 +112,58 @@ impl CameraRecord {
         let Some(camera) = &self.grid() else {
             return Vec::new();
         };
-        let per_tile: Vec<Vec<Contribution>> = self
-            .tiles
-            .par_iter()
-            .enumerate()
-            .map(|(tile, record)| {
-                let of = |&gaussian| Contribution {
-                    gaussian,
-                    ..Contribution::default()
-                };
-                let mut rows: Vec<Contribution> = record.gaussians.iter().map(of).collect();
-                for (p, pixel) in pixels_of_tile(camera, tile) {
-                    let value = value(pixel, &record.features[p]);
-                    for hit in record.hits_of(p) {
-                        let row = &mut rows[record.row_of(hit)];
-                        row.add(hit.weight, pixel as u32, value);
-                    }
-                }
-                rows
-            })
+        let tiles = self.tiles.par_iter().enumerate();
+        let per_tile: Vec<Vec<Contribution>> = tiles
+            .map(|(tile, record)| record.contributions((camera, tile), value))
             .collect();
-        per_tile.into_iter().flatten().collect()
+        per_tile.concat()
     }
 }
 
+/// The features of all pixels of `camera`, row by row, given those of each of its tiles.
+pub(super) fn row_by_row<'a>(
+    camera: &Camera,
+    of_tile: impl Fn(usize) -> &'a [Features] + Sync,
+) -> Vec<Features> {
+    let mut pixels = vec![Features::default(); camera.num_pixels()];
+    let tiles_x = camera.width.div_ceil(TILE) as usize;
+    pixels
+        .par_chunks_mut((camera.width * TILE) as usize)
+        .enumerate()
+        .for_each(|(band, rows)| {
+            let start = band * (camera.width * TILE) as usize;
+            for tile in band * tiles_x..(band + 1) * tiles_x {
+                let features = of_tile(tile);
+                for (p, pixel) in pixels_of_tile(camera, tile) {
+                    rows[pixel - start] = features[p];
+                }
+            }
+        });
+    pixels
+}
+
 impl TileRecord {
+    /// Contribution of each of its Gaussians to its pixels, those of a tile of `camera`.
+    pub(super) fn contributions(
+        &self,
+        (camera, tile): (&Camera, usize),
+        value: PixelValue<'_>,
+    ) -> Vec<Contribution> {
+        let of = |&gaussian| Contribution {
+            gaussian,
+            ..Contribution::default()
+        };
+        let mut rows: Vec<Contribution> = self.gaussians.iter().map(of).collect();
+        for (p, pixel) in pixels_of_tile(camera, tile) {
+            let value = value(pixel, &self.features[p]);
+            for hit in self.hits_of(p) {
+                let row = &mut rows[self.row_of(hit)];
+                row.add(hit.weight, pixel as u32, value);
+            }
+        }
+        rows
+    }
+
     pub(super) fn clear(&mut self) {
         self.features.clear();
         self.rows.clear();

@@ -145,10 +145,16 @@ impl CpuScene {
         camera: &Camera,
         read: impl FnOnce(&CameraRecord) -> R,
     ) -> R {
-        match &self.record.rays {
-            Some(last) if *last == CameraRays::from(*camera) => read(&self.record),
-            _ => read(&camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record).1),
+        match self.record_of(camera) {
+            Some(record) => read(record),
+            None => read(&camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record).1),
         }
+    }
+
+    /// The last record, if it is that of one ray for each pixel of `camera`.
+    pub(super) fn record_of(&self, camera: &Camera) -> Option<&CameraRecord> {
+        let is_it = self.record.rays.as_ref() == Some(&CameraRays::from(*camera));
+        is_it.then_some(&self.record)
     }
 
     /// Records `rays` if they are not those recorded last.

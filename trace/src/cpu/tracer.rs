@@ -1,7 +1,7 @@
 //! All of the engine behind [`Tracer`].
 
 use super::camera::{self, HitSearch, Keep};
-use super::record::CameraRecord;
+use super::record::{CameraRecord, TileRecord};
 use super::{CpuScene, glossy, integrate};
 use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
 use crate::camera_rays::CameraRays;
@@ -80,9 +80,13 @@ impl Tracer for CpuScene {
         camera: &Camera,
         value: PixelValue<'_>,
     ) -> Result<(GBuffer, Vec<Contribution>), TraceError> {
-        Ok(self.with_record(camera, |record| {
-            (record.gbuffer(), record.contributions(value))
-        }))
+        if let Some(record) = self.record_of(camera) {
+            return Ok((record.gbuffer(), record.contributions(value)));
+        }
+        let of_tile =
+            |tile: usize, record: &TileRecord| record.contributions((camera, tile), value);
+        let (features, per_tile) = camera::read_tiles(&self.set, camera, of_tile);
+        Ok((features, per_tile.concat()))
     }
 
     fn pixel_gloss(&self, camera: &Camera) -> Result<Vec<Gloss>, TraceError> {
