@@ -29,6 +29,8 @@ pub(crate) struct Group {
     /// Numbers of views and of their pixels, ascending in the end.
     pub(crate) members: Vec<(u32, u32)>,
     pub(crate) points: Vec<Point>,
+    /// Where they are, and those that were thinned out.
+    bounds: Bounds,
     /// Its radiance in each light, as the view with most detail has it of those that know it.
     levels: BTreeMap<usize, Level>,
 }
@@ -81,8 +83,8 @@ impl Group {
             let own = self.members.iter().zip(of).filter(|(_, of)| **of == part);
             Self {
                 members: own.map(|(member, _)| *member).collect(),
-                points: Vec::new(),
                 levels: self.levels.clone(),
+                ..Self::default()
             }
         };
         (0..num).map(part).collect()
@@ -122,8 +124,8 @@ impl Group {
     pub(crate) fn views_apart(&self) -> impl Iterator<Item = Self> {
         let of_view = |(_, members): (usize, &[(u32, u32)])| Self {
             members: members.to_vec(),
-            points: Vec::new(),
             levels: self.levels.clone(),
+            ..Self::default()
         };
         self.by_view().map(of_view)
     }
@@ -150,6 +152,7 @@ impl Group {
     pub(crate) fn join(&mut self, other: Self) {
         self.members.extend(other.members);
         self.points.extend(other.points);
+        self.bounds.join(&other.bounds);
         for (light, level) in other.levels {
             self.learn(light, level);
         }
@@ -195,18 +198,21 @@ impl Group {
         self.levels.get(&light).copied().unwrap_or_default()
     }
 
+    /// Distance of a point to its nearest one, in that up to which they are at one place; infinite
+    /// where it is more and the bounds tell.
     pub(crate) fn distance(&self, point: &Point) -> f32 {
-        let relative = |own: &Point| {
-            own.position.distance(point.position) / (NEAR_PIXELS * (own.width + point.width))
-        };
-        self.points
-            .iter()
-            .map(relative)
+        let relative = |distance: f32, width: f32| distance / (NEAR_PIXELS * (width + point.width));
+        if relative(self.bounds.distance(point.position), self.bounds.width) > 1.0 {
+            return f32::INFINITY;
+        }
+        (self.points.iter())
+            .map(|own| relative(own.position.distance(point.position), own.width))
             .fold(f32::INFINITY, f32::min)
     }
 
     pub(crate) fn add(&mut self, view: usize, pixel: usize, point: Point) {
         self.members.push((view as u32, pixel as u32));
+        self.bounds.add(&point);
         self.points.push(point);
     }
 
@@ -220,5 +226,84 @@ impl Group {
     pub(crate) fn share_near(&self, other: &Self) -> f32 {
         let near = (self.points.iter()).filter(|point| other.distance(point) <= 1.0);
         near.count() as f32 / self.points.len() as f32
+    }
+}
+
+/// A box around points, and the largest width of their pixels.
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    low: Vec3,
+    high: Vec3,
+    width: f32,
+}
+
+impl Default for Bounds {
+    /// Those of no points.
+    fn default() -> Self {
+        Self {
+            low: Vec3::INFINITY,
+            high: Vec3::NEG_INFINITY,
+            width: 0.0,
+        }
+    }
+}
+
+impl Bounds {
+    fn add(&mut self, point: &Point) {
+        self.join(&Self {
+            low: point.position,
+            high: point.position,
+            width: point.width,
+        });
+    }
+
+    fn join(&mut self, other: &Self) {
+        self.low = self.low.min(other.low);
+        self.high = self.high.max(other.high);
+        self.width = self.width.max(other.width);
+    }
+
+    /// Distance of a place to the box, at most that to each point, to the bit; infinite where there
+    /// are none.
+    fn distance(&self, place: Vec3) -> f32 {
+        let outside = (self.low - place).max(place - self.high).max(Vec3::ZERO);
+        outside.length()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::rng::{Purpose, RandomKey};
+
+    /// Points of pixels in a cloud of a size, and whether they are near one of others is told by all
+    /// of these in turn.
+    #[test]
+    fn bounds_do_not_change_what_is_near() {
+        let key = RandomKey::new(5, Purpose::Initialise, 0);
+        let point = |i: u32, size: f32| {
+            let [x, y, z, width] = key.stream(i, 0).next_uniforms();
+            Point {
+                position: size * (Vec3::new(x, y, z) - 0.5),
+                width: 0.02 * width,
+                light: 0,
+                radiance: Vec3::ONE,
+                is_whole: true,
+            }
+        };
+        let mut group = Group::default();
+        (0..40).for_each(|i| group.add(0, i as usize, point(i, 0.5)));
+        let mut num_near = 0;
+        for other in (100..3100).map(|i| point(i, 0.8)) {
+            let of = |own: &Point| {
+                own.position.distance(other.position) / (NEAR_PIXELS * (own.width + other.width))
+            };
+            let nearest = group.points.iter().map(of).fold(f32::INFINITY, f32::min);
+            let told = group.distance(&other);
+            assert!(told == nearest || (told.is_infinite() && nearest > 1.0));
+            num_near += usize::from(nearest <= 1.0);
+        }
+        assert!((50..2900).contains(&num_near), "{num_near}");
+        assert!(Group::default().distance(&point(0, 1.0)).is_infinite());
     }
 }

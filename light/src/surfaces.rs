@@ -10,6 +10,7 @@ use eagpt_trace::transport::matrix::{Front, Receiver};
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Features, GBuffer, Ray, TraceError, Tracer};
 use glam::{Mat3, Vec3};
+use rayon::prelude::*;
 
 /// Half the offset of a lone Gaussian's surface, in its sizes: nearer hits are taken for the same
 /// wall.
@@ -99,8 +100,7 @@ impl BestSeen {
         contributions: &[Contribution],
     ) {
         let frame = camera.ray_frame();
-        for found in contributions {
-            let best = &mut self.best[found.gaussian as usize];
+        let look = |best: &mut Option<Seen>, found: &Contribution| {
             let (weight, pixel) = (found.largest_weight, found.pixel);
             let (x, y) = (pixel % camera.width, pixel / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
@@ -108,7 +108,7 @@ impl BestSeen {
                 if direction.dot(best.surface.normal) > 0.0 {
                     best.behind = best.behind.max(weight);
                 }
-                continue;
+                return;
             }
             if let Some(surface) =
                 Surface::at(frame.origin, direction, &features.pixels[pixel as usize])
@@ -125,7 +125,18 @@ impl BestSeen {
                     behind,
                 });
             }
-        }
+        };
+        // Each thread reads all contributions, and looks at those of its Gaussians.
+        let num = self.best.len().div_ceil(rayon::current_num_threads());
+        let parts = self.best.par_chunks_mut(num.max(1)).enumerate();
+        parts.for_each(|(part, best)| {
+            for found in contributions {
+                let at = (found.gaussian as usize).wrapping_sub(part * num);
+                if let Some(best) = best.get_mut(at) {
+                    look(best, found);
+                }
+            }
+        });
     }
 
     /// Each Gaussian as it is seen best; `None` where no camera saw it.

@@ -138,23 +138,26 @@ fn most_frequent(values: impl Iterator<Item = usize>) -> usize {
 /// Makes one of lamps that views show to be: that are near each other along an edge, or that a view
 /// shows in one region unless another one shows them apart with more detail.
 fn merged(evidence: &Evidence, mut groups: Vec<Group>) -> Vec<Group> {
+    let mut details: Vec<Details> = groups.iter().map(|of| details(evidence, of)).collect();
     let mut first = 0;
     while first < groups.len() {
         let other = (first + 1..groups.len()).find(|&other| {
             let (a, b) = (&groups[first], &groups[other]);
+            let are_connected = || are_connected(&details[first], &details[other]);
             let (small, large) = if a.points.len() <= b.points.len() {
                 (a, b)
             } else {
                 (b, a)
             };
-            let are_one =
-                || small.share_near(large) >= SHARE_ADJACENT || are_connected(evidence, a, b);
+            let are_one = || small.share_near(large) >= SHARE_ADJACENT || are_connected();
             !a.is_unlike(b) && are_one()
         });
         match other {
             Some(other) => {
                 let more = groups.remove(other);
                 groups[first].join(more);
+                details.remove(other);
+                details[first] = self::details(evidence, &groups[first]);
             }
             None => first += 1,
         }
@@ -165,23 +168,26 @@ fn merged(evidence: &Evidence, mut groups: Vec<Group>) -> Vec<Group> {
     groups
 }
 
+/// By view, the regions that show a lamp, and the width of the narrowest pixel there.
+type Details = BTreeMap<u32, (BTreeSet<u32>, f32)>;
+
+fn details(evidence: &Evidence, group: &Group) -> Details {
+    let mut views = Details::new();
+    for member in &group.members {
+        let (sight, pixel) = evidence.pixel(member);
+        let (regions, width) = views
+            .entry(member.0)
+            .or_insert((BTreeSet::new(), f32::INFINITY));
+        regions.insert(pixel.region);
+        *width = width.min(sight.width(pixel));
+    }
+    views
+}
+
 /// Whether the view that shows most detail of both shows them in one region.
-fn are_connected(evidence: &Evidence, a: &Group, b: &Group) -> bool {
+fn are_connected(a: &Details, b: &Details) -> bool {
     let (mut together, mut apart) = (f32::INFINITY, f32::INFINITY);
-    let of_views = |group: &Group| {
-        let mut views: BTreeMap<u32, (BTreeSet<u32>, f32)> = BTreeMap::new();
-        for member in &group.members {
-            let (sight, pixel) = evidence.pixel(member);
-            let (regions, width) = views
-                .entry(member.0)
-                .or_insert((BTreeSet::new(), f32::INFINITY));
-            regions.insert(pixel.region);
-            *width = width.min(sight.width(pixel));
-        }
-        views
-    };
-    let (a, b) = (of_views(a), of_views(b));
-    for (view, (regions, width)) in &a {
+    for (view, (regions, width)) in a {
         if let Some((others, other_width)) = b.get(view) {
             let width = width.min(*other_width);
             let value = if regions.is_disjoint(others) {
