@@ -213,29 +213,36 @@ fn absolute_loss(
     let num = known.map_or(features.pixels.len(), KnownPixels::num).max(1);
     let share = 1.0 / num as f64;
     let d_share = (weight * share) as f32;
-    let width = features.width as usize;
-    let rows: Vec<f64> = d_features
-        .par_chunks_mut(width)
-        .enumerate()
-        .map(|(y, d_row)| {
-            let mut total = 0.0;
-            for (x, d) in d_row.iter_mut().enumerate() {
-                if known.is_some_and(|known| !known.has(y * width + x)) {
-                    continue;
-                }
-                let wanted = target.map_or(1.0, |t| t.pixels()[y * width + x][0]);
-                let difference = features.pixels[y * width + x].0[which] - wanted;
-                total += f64::from(difference.abs());
-                d.0[which] += if difference == 0.0 {
-                    0.0
-                } else {
-                    d_share.copysign(difference)
-                };
-            }
-            total
-        })
-        .collect();
-    rows.iter().sum::<f64>() * share
+    let sum = sum_over_pixels(d_features, features.width, |i, d| {
+        if known.is_some_and(|known| !known.has(i)) {
+            return 0.0;
+        }
+        let wanted = target.map_or(1.0, |t| t.pixels()[i][0]);
+        let difference = features.pixels[i].0[which] - wanted;
+        d.0[which] += if difference == 0.0 {
+            0.0
+        } else {
+            d_share.copysign(difference)
+        };
+        f64::from(difference.abs())
+    });
+    sum * share
+}
+
+/// Sum of what `term` is in each pixel of an image so many pixels wide, given its number, row by
+/// row; it writes the gradient there. Of all `d_pixels`, rows in order.
+fn sum_over_pixels<T: Send>(
+    d_pixels: &mut [T],
+    width: u32,
+    term: impl Fn(usize, &mut T) -> f64 + Sync,
+) -> f64 {
+    let width = width as usize;
+    let rows = d_pixels.par_chunks_mut(width).enumerate();
+    let of_row = |(y, row): (usize, &mut [T])| {
+        let pixels = (y * width..).zip(row);
+        pixels.map(|(i, d)| term(i, d)).sum::<f64>()
+    };
+    rows.map(of_row).collect::<Vec<f64>>().iter().sum()
 }
 
 #[cfg(test)]

@@ -85,11 +85,11 @@ impl CameraRecord {
         self.tiles
             .resize_with(num_tiles(&grid), TileRecord::default);
         let among = (set, &self.bins, &mut self.seen);
-        let traced = Traced::new(among, (rays, &grid), (search, keep));
+        let tracer = TileTracer::new(among, (rays, &grid), (search, keep));
         self.tiles
             .par_iter_mut()
             .enumerate()
-            .for_each(|(tile, record)| traced.record(tile, record));
+            .for_each(|(tile, record)| tracer.record(tile, record));
         self.gbuffer()
     }
 }
@@ -105,10 +105,10 @@ pub(super) fn read_tiles<T: Send>(
     let (mut bins, mut seen) = (TileBins::default(), Vec::new());
     bins.fill(set, &rays);
     let among = (set, &bins, &mut seen);
-    let traced = Traced::new(among, (&rays, camera), (HitSearch::Tiles, Keep::Record));
+    let tracer = TileTracer::new(among, (&rays, camera), (HitSearch::Tiles, Keep::Record));
     let tiles = (0..num_tiles(camera)).into_par_iter();
     let told = tiles.map_init(TileRecord::default, |record, tile| {
-        traced.record(tile, record);
+        tracer.record(tile, record);
         let told = read(tile, record);
         (std::mem::take(&mut record.features), told)
     });
@@ -126,8 +126,8 @@ fn num_tiles(camera: &Camera) -> usize {
     (camera.width.div_ceil(TILE) * camera.height.div_ceil(TILE)) as usize
 }
 
-/// Rays of a camera that are traced tile by tile.
-struct Traced<'a> {
+/// Traces the rays of a camera tile by tile.
+struct TileTracer<'a> {
     set: SeenSet<'a>,
     bins: &'a TileBins,
     rays: &'a CameraRays,
@@ -137,7 +137,7 @@ struct Traced<'a> {
     keep: Keep,
 }
 
-impl<'a> Traced<'a> {
+impl<'a> TileTracer<'a> {
     /// The Gaussians of `bins`, as seen by the `rays` of a grid; `memory` is for how they look.
     fn new(
         (set, bins, memory): (&'a SurfelSet, &'a TileBins, &'a mut Vec<Attributes>),

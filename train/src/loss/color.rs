@@ -1,5 +1,6 @@
 //! The colour term: L1 and SSIM in PQ space, over known pixels and over windows of them.
 
+use super::sum_over_pixels;
 use eagpt_eval::KnownPixels;
 use eagpt_eval::ssim::ssim_with_gradient;
 use eagpt_scene::Image;
@@ -71,31 +72,25 @@ impl ColorLoss {
         let num_values = 3 * known.map_or(encoded.len(), KnownPixels::num).max(1);
         let d_l1 = ((1.0 - ssim_share) / num_values as f64) as f32;
         let mut d_pixels = vec![[0.0; 3]; encoded.len()];
-        let rows: Vec<f64> = d_pixels
-            .par_chunks_mut(width as usize)
-            .enumerate()
-            .map(|(y, d_row)| {
-                let mut total = 0.0;
-                for (i, d_pixel) in (y * width as usize..).zip(d_row) {
-                    if known.is_some_and(|known| !known.has(i)) {
-                        continue;
-                    }
-                    for c in 0..3 {
-                        let difference = pq.pixels()[i][c] - target_pq.pixels()[i][c];
-                        total += f64::from(difference.abs());
-                        let sign = if difference == 0.0 {
-                            0.0
-                        } else {
-                            d_l1.copysign(difference)
-                        };
-                        let d_pq = sign - ssim_share as f32 * ssim.d_test.pixels()[i][c];
-                        d_pixel[c] = d_pq * encoded[i][c].1;
-                    }
-                }
-                total
-            })
-            .collect();
-        let l1 = rows.iter().sum::<f64>() / num_values as f64;
+        let sum = sum_over_pixels(&mut d_pixels, width, |i, d_pixel| {
+            if known.is_some_and(|known| !known.has(i)) {
+                return 0.0;
+            }
+            let mut errors = 0.0;
+            for c in 0..3 {
+                let difference = pq.pixels()[i][c] - target_pq.pixels()[i][c];
+                errors += f64::from(difference.abs());
+                let sign = if difference == 0.0 {
+                    0.0
+                } else {
+                    d_l1.copysign(difference)
+                };
+                let d_pq = sign - ssim_share as f32 * ssim.d_test.pixels()[i][c];
+                d_pixel[c] = d_pq * encoded[i][c].1;
+            }
+            errors
+        });
+        let l1 = sum / num_values as f64;
         Self {
             value: (1.0 - ssim_share) * l1 + ssim_share * (1.0 - ssim.value),
             l1,

@@ -1,5 +1,6 @@
 //! Normals against a normal map.
 
+use super::sum_over_pixels;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::Image;
 use eagpt_trace::features::{Features, GBuffer, lane};
@@ -31,26 +32,17 @@ pub(super) fn normal_map_loss(
         return 0.0;
     }
     let d_share = (weight / num as f64) as f32;
-    let width = features.width as usize;
-    let rows: Vec<f64> = d_features
-        .par_chunks_mut(width)
-        .enumerate()
-        .map(|(y, d_row)| {
-            let mut total = 0.0;
-            for (x, d) in d_row.iter_mut().enumerate() {
-                let Some((seen, wanted)) = pair(y * width + x) else {
-                    continue;
-                };
-                let (value, d_normal) = one_minus_cosine(seen, wanted);
-                total += f64::from(value);
-                for k in 0..3 {
-                    d.0[lane::NORMAL + k] += d_share * d_normal[k];
-                }
-            }
-            total
-        })
-        .collect();
-    rows.iter().sum::<f64>() / num as f64
+    let sum = sum_over_pixels(d_features, features.width, |i, d| {
+        let Some((seen, wanted)) = pair(i) else {
+            return 0.0;
+        };
+        let (value, d_normal) = one_minus_cosine(seen, wanted);
+        for k in 0..3 {
+            d.0[lane::NORMAL + k] += d_share * d_normal[k];
+        }
+        f64::from(value)
+    });
+    sum / num as f64
 }
 
 /// `1 − (n/|n|)·m` for unit `m`, and its gradient with respect to `n`.
