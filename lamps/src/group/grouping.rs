@@ -138,12 +138,12 @@ fn most_frequent(values: impl Iterator<Item = usize>) -> usize {
 /// Makes one of lamps that views show to be: that are near each other along an edge, or that a view
 /// shows in one region unless another one shows them apart with more detail.
 fn merged(evidence: &Evidence, mut groups: Vec<Group>) -> Vec<Group> {
-    let mut details: Vec<Details> = groups.iter().map(|of| details(evidence, of)).collect();
+    let mut shown: Vec<Details> = groups.iter().map(|of| details(evidence, of)).collect();
     let mut first = 0;
     while first < groups.len() {
         let other = (first + 1..groups.len()).find(|&other| {
             let (a, b) = (&groups[first], &groups[other]);
-            let are_connected = || are_connected(&details[first], &details[other]);
+            let are_connected = || are_connected(&shown[first], &shown[other]);
             let (small, large) = if a.points.len() <= b.points.len() {
                 (a, b)
             } else {
@@ -156,8 +156,8 @@ fn merged(evidence: &Evidence, mut groups: Vec<Group>) -> Vec<Group> {
             Some(other) => {
                 let more = groups.remove(other);
                 groups[first].join(more);
-                details.remove(other);
-                details[first] = self::details(evidence, &groups[first]);
+                shown.remove(other);
+                shown[first] = details(evidence, &groups[first]);
             }
             None => first += 1,
         }

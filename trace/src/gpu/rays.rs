@@ -128,8 +128,8 @@ impl Rays<'_> {
                 ..LightParameters::zeroed()
             };
             let uniform = device.uniform("light", &parameters);
-            let of_lights = [&light.nodes, &light.leaf_indices, &queries];
-            let buffers = [&[&uniform, &scene.surfels], of_scene, &of_lights, found].concat();
+            let of_rays = [&light.nodes, &light.leaf_indices, &queries];
+            let buffers = [&[&uniform, &scene.surfels], of_scene, &of_rays, found].concat();
             passes.push(device.pass(kernel, &buffers, groups(end - first)));
         }
         device.run(&passes)
