@@ -157,8 +157,18 @@ pub struct GBuffer {
 
 impl GBuffer {
     /// An image of one quantity derived from each pixel's features.
-    pub fn extract<const C: usize>(&self, f: impl FnMut(&Features) -> [f32; C]) -> Image<C> {
-        Image::from_pixels(self.width, self.height, self.pixels.iter().map(f).collect())
+    pub fn extract<const C: usize>(&self, f: impl Fn(&Features) -> [f32; C] + Sync) -> Image<C> {
+        self.extract_with_number(|_, features| f(features))
+    }
+
+    /// As [`Self::extract`], given the number of the pixel, row by row, too.
+    fn extract_with_number<const C: usize>(
+        &self,
+        f: impl Fn(u32, &Features) -> [f32; C] + Sync,
+    ) -> Image<C> {
+        let pixels = self.pixels.par_iter().with_min_len(2048).enumerate();
+        let pixels = pixels.map(|(i, features)| f(i as u32, features));
+        Image::from_pixels(self.width, self.height, pixels.collect())
             .expect("the number of features is the number of pixels")
     }
 
@@ -192,20 +202,15 @@ impl GBuffer {
 
     /// Radiance R of every pixel.
     pub fn radiance(&self) -> Image<3> {
-        let pixels = self.pixels.par_iter().with_min_len(2048);
-        let pixels = pixels.map(|features| features.radiance().to_array());
-        Image::from_pixels(self.width, self.height, pixels.collect())
-            .expect("the number of features is the number of pixels")
+        self.extract(|features| features.radiance().to_array())
     }
 
     /// Depth of every pixel along the optical axis of the `camera` the features are of; the
     /// features themselves hold distances along rays.
     pub fn depth(&self, camera: &Camera) -> Image<1> {
         let (frame, forward) = (camera.ray_frame(), camera.forward());
-        let mut pixel = 0_u32;
-        self.extract(|features| {
+        self.extract_with_number(|pixel, features| {
             let (x, y) = (pixel % self.width, pixel / self.width);
-            pixel += 1;
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
             [features.mean_distance() * direction.dot(forward)]
         })

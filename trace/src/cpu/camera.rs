@@ -85,7 +85,7 @@ impl CameraRecord {
         self.tiles
             .resize_with(num_tiles(&grid), TileRecord::default);
         let among = (set, &self.bins, &mut self.seen);
-        let tracer = TileTracer::new(among, (rays, &grid), (search, keep));
+        let tracer = TileTracer::new(among, rays, (search, keep));
         self.tiles
             .par_iter_mut()
             .enumerate()
@@ -105,7 +105,7 @@ pub(super) fn read_tiles<T: Send>(
     let (mut bins, mut seen) = (TileBins::default(), Vec::new());
     bins.fill(set, &rays);
     let among = (set, &bins, &mut seen);
-    let tracer = TileTracer::new(among, (&rays, camera), (HitSearch::Tiles, Keep::Record));
+    let tracer = TileTracer::new(among, &rays, (HitSearch::Tiles, Keep::Record));
     let tiles = (0..num_tiles(camera)).into_par_iter();
     let told = tiles.map_init(TileRecord::default, |record, tile| {
         tracer.record(tile, record);
@@ -131,19 +131,20 @@ struct TileTracer<'a> {
     set: SeenSet<'a>,
     bins: &'a TileBins,
     rays: &'a CameraRays,
-    grid: &'a Camera,
+    grid: Camera,
     frame: RayFrame,
     search: HitSearch<'a>,
     keep: Keep,
 }
 
 impl<'a> TileTracer<'a> {
-    /// The Gaussians of `bins`, as seen by the `rays` of a grid; `memory` is for how they look.
+    /// The Gaussians of `bins`, as seen by `rays`; `memory` is for how they look.
     fn new(
         (set, bins, memory): (&'a SurfelSet, &'a TileBins, &'a mut Vec<Attributes>),
-        (rays, grid): (&'a CameraRays, &'a Camera),
+        rays: &'a CameraRays,
         (search, keep): (HitSearch<'a>, Keep),
     ) -> Self {
+        let grid = rays.grid();
         let frame = grid.ray_frame();
         Self {
             set: evaluate_harmonics(set, frame.origin, bins, memory),
@@ -158,7 +159,7 @@ impl<'a> TileTracer<'a> {
 
     /// Traces a tile into the memory of `record`.
     fn record(&self, tile: usize, record: &mut TileRecord) {
-        let rays = TileRays::new(self.rays, (self.grid, &self.frame), tile);
+        let rays = TileRays::new(self.rays, (&self.grid, &self.frame), tile);
         SCRATCH.with_borrow_mut(|scratch| {
             record.clear();
             match self.search {

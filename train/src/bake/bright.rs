@@ -69,19 +69,22 @@ impl BrightSurfaces {
         }
         tracer.update(&self.alone(scene))?;
         let only = Directions { bsdf: 1, to_lights };
+        let mut is_whole = true;
         for (number, piece) in receivers.chunks(PIECE).enumerate() {
-            if !goes_on(number * PIECE) {
+            is_whole = goes_on(number * PIECE);
+            if !is_whole {
                 self.targets.clear();
-                tracer.update(scene)?;
-                return Ok(false);
+                break;
             }
             let mut more = tracer.trace_transport(piece, only, key(seed))?;
             self.targets.append(&mut more.light_targets);
             self.num_rays += more.num_rays;
         }
-        goes_on(receivers.len());
         tracer.update(scene)?;
-        Ok(true)
+        if is_whole {
+            goes_on(receivers.len());
+        }
+        Ok(is_whole)
     }
 
     /// Adds the samples to a matrix traced by random numbers of another `key` in `directions`.
