@@ -118,9 +118,16 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
         TrainProgress::AlbedosLimited { num } => reporter.note(&format!(
             "{num} Gaussians are of surfaces that reflected more than they receive, and are darker"
         )),
-        TrainProgress::AlbedosBalanced { scale } => reporter.note(&format!(
-            "albedos are {scale:.3} times as large, by the light of all bounces"
-        )),
+        TrainProgress::AlbedosBalanced { scale, num_limited } => {
+            if *num_limited > 0 {
+                reporter.note(&format!(
+                    "{num_limited} Gaussians, whose light grew with each bounce, are darker"
+                ));
+            }
+            reporter.note(&format!(
+                "albedos are {scale:.3} times as large, by the light of all bounces"
+            ));
+        }
         TrainProgress::Preview {
             iteration,
             psnr_srgb_db,

@@ -11,7 +11,7 @@
 
 mod balance;
 
-pub(crate) use balance::{Balance, balance, multiply_albedos};
+pub(crate) use balance::{Balance, balance};
 
 use crate::backend::TrainingView;
 use crate::error::Result;

@@ -130,6 +130,8 @@ pub enum TrainProgress {
     AlbedosBalanced {
         /// Their factor.
         scale: f32,
+        /// Gaussians that are darker since light would have grown between them with each bounce.
+        num_limited: usize,
     },
     /// Surfaces that reflected more than they received are darker now.
     AlbedosLimited {

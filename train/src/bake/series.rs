@@ -1,5 +1,9 @@
 //! The Neumann series of the light of a scene on its Gaussians, see [`super::gaussians`].
 
+mod growth;
+
+pub(super) use growth::limit_albedos;
+
 use super::receivers::Receivers;
 use crate::progress::BakeProgress;
 use eagpt_light::irradiance::NoisyLight;

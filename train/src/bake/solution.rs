@@ -5,7 +5,7 @@ use super::emitters::{forget_directions, with_emitters};
 use super::highlights::Highlights;
 use super::receivers::Receivers;
 use super::request::{GaussianBake, Told};
-use super::series::{Exchange, sum_of_bounces};
+use super::series::{Exchange, limit_albedos, sum_of_bounces};
 use crate::error::Result;
 use crate::progress::BakeProgress;
 use eagpt_light::irradiance::{self, PIECE};
@@ -109,6 +109,17 @@ impl Solution<'_> {
 }
 
 impl TracedScene<'_> {
+    /// Darkens the Gaussians of the scene that was traced between which light grows with each
+    /// bounce; returns how many.
+    pub(crate) fn limit_albedos(&self, scene: &mut Gaussians) -> usize {
+        limit_albedos(scene, &self.exchange())
+    }
+
+    /// Who lights whom in it.
+    fn exchange(&self) -> Exchange<'_> {
+        Exchange::new(&self.receivers, &self.matrix, self.directions)
+    }
+
     /// Solves the light of the scene that was traced, whose albedos may differ; `None` where `told`
     /// has ended it.
     ///
@@ -126,7 +137,7 @@ impl TracedScene<'_> {
                 goes_on = told(progress);
             }
         };
-        let light = Exchange::new(&self.receivers, &self.matrix, self.directions);
+        let light = self.exchange();
         let &Solution {
             cameras,
             max_bounces,

@@ -4,7 +4,7 @@ use super::lamps::{all_emitting, keep_emitting};
 use super::run::Run;
 use crate::error::Result;
 use crate::options::StageChoice;
-use crate::own_light::{self, Balance, OwnLight, multiply_albedos};
+use crate::own_light::{self, Balance, OwnLight};
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_light::energy;
@@ -30,8 +30,8 @@ impl Run<'_> {
         self.limit_albedos((&mut scenes, num_moving), views)?;
         self.write_all(&scenes)?;
         let balance = self.balance((&scenes[0], num_moving), views);
-        if let Some(Balance { scale, .. }) = balance {
-            multiply_albedos((&mut scenes[0], num_moving), scale);
+        if let Some(Balance { albedos, .. }) = &balance {
+            scenes[0].albedos.clone_from(albedos);
             share_albedos(&mut scenes);
             self.write_all(&scenes)?;
         }
@@ -96,8 +96,10 @@ impl Run<'_> {
         let compared = || views.spread(0, own_light::MOST_VIEWS);
         match own_light::balance(device, scene, &cameras, compared, &mut told) {
             Ok(Some(balance)) => {
-                let scale = balance.scale;
-                (self.progress)(TrainProgress::AlbedosBalanced { scale });
+                (self.progress)(TrainProgress::AlbedosBalanced {
+                    scale: balance.scale,
+                    num_limited: balance.num_limited,
+                });
                 Some(balance)
             }
             Ok(None) => None,

@@ -24,10 +24,14 @@ const MOST_CHANGE: f64 = 1.1;
 const NUM_HALVINGS: u32 = 40;
 
 /// A scene in its own light, as bright as its photographs.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Balance {
-    /// Factor of the albedos of surfaces; lamps keep theirs.
+    /// Its albedos, `[n]`.
+    pub(crate) albedos: Vec<Vec3>,
+    /// Factor of those of surfaces; lamps keep theirs.
     pub(crate) scale: f32,
+    /// Gaussians between which light would have grown with each bounce, which are darker.
+    pub(crate) num_limited: usize,
     /// How the scene compares with it.
     pub(crate) own_light: OwnLight,
 }
@@ -57,6 +61,8 @@ pub(crate) fn balance<V: Iterator<Item = Result<TrainingView>>>(
     let Some(mut traced) = solution.trace(scene, told)? else {
         return Ok(None);
     };
+    let mut scene = scene.clone();
+    let num_limited = traced.limit_albedos(&mut scene);
     let Some(solved) = traced.solve(scene.clone(), told)? else {
         return Ok(None);
     };
@@ -67,18 +73,22 @@ pub(crate) fn balance<V: Iterator<Item = Result<TrainingView>>>(
         Some(wanted) => albedo_scale(&solved.bounces, wanted),
         None => 1.0,
     };
-    let mut scene = scene.clone();
     multiply_albedos((&mut scene, num_moving), scale);
     let Some(solved) = traced.solve(scene, told)? else {
         return Ok(None);
     };
     let own_light = compare(device, &solved.scene, views())?;
-    Ok(own_light.map(|own_light| Balance { scale, own_light }))
+    Ok(own_light.map(|own_light| Balance {
+        albedos: solved.scene.albedos,
+        scale,
+        num_limited,
+        own_light,
+    }))
 }
 
 /// Multiplies the albedos of what does not emit of a scene, of which the first `num_moving`
 /// Gaussians are not of clean lamps.
-pub(crate) fn multiply_albedos((scene, num_moving): (&mut Gaussians, usize), by: f32) {
+fn multiply_albedos((scene, num_moving): (&mut Gaussians, usize), by: f32) {
     let albedos = scene.albedos.iter_mut().zip(&scene.emissions);
     for (albedo, emission) in albedos.take(num_moving) {
         if !emits(*emission) {

@@ -163,3 +163,36 @@ fn the_light_of_each_cap_follows_its_own_series() {
         );
     }
 }
+
+/// Of a sphere seen from within whose Gaussians have two albedos by turns, light of the rest grows
+/// without a limit if both are above 1, and does not if their mean is below it.
+#[test]
+fn light_that_grows_with_each_bounce_is_limited_and_other_is_not() {
+    for ([a, b], is_limited) in [([1.3, 1.3], true), ([1.4, 0.2], false)] {
+        let mut scene = caps([0.05, 0.0], [Vec3::ONE; 2]);
+        let is_surface = |scene: &Gaussians, i: usize| !emits(scene.emissions[i]);
+        for i in 0..scene.len() {
+            let albedo = if i % 2 == 0 { a } else { b };
+            scene.albedos[i] = Vec3::splat(albedo);
+        }
+        let before = scene.albedos.clone();
+        let traced = trace(&scene);
+        let light = Exchange::new(&traced.receivers, &traced.matrix, RAYS);
+        let last_over_first = |scene: &Gaussians| {
+            let bounces = sum_of_bounces(&scene.albedos, &light, 16, None, &mut |_| {}).bounces;
+            bounces[15] / bounces[0]
+        };
+        assert_eq!(last_over_first(&scene) > 10.0, is_limited);
+        let num = limit_albedos(&mut scene, &light);
+        if is_limited {
+            // No Gaussian needs to be darker than a white surface.
+            assert!(num > scene.len() / 2, "{num}");
+            assert!(last_over_first(&scene) < 1.0);
+            let darkest = (0..scene.len()).filter(|&i| is_surface(&scene, i));
+            let darkest = darkest.map(|i| scene.albedos[i].x).fold(9.0, f32::min);
+            assert!(darkest > 0.979, "{darkest}");
+        } else {
+            assert_eq!((num, &scene.albedos), (0, &before));
+        }
+    }
+}

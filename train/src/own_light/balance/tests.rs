@@ -65,7 +65,9 @@ fn albedos_become_those_of_the_room_that_was_photographed() {
         let whole = scene.len();
         let device = (&Device::Cpu, 1);
         let found = balance(device, (&scene, whole), &cameras, views, &mut goes_on).unwrap();
-        let Balance { scale, own_light } = found.unwrap();
+        let Balance {
+            scale, own_light, ..
+        } = found.unwrap();
         // A hundredth of albedo is three of light here; noise of the rays is 0.2 % of that.
         let relative = albedo * scale / wanted;
         assert!((relative - 1.0).abs() < 0.002, "{albedo}: {relative}");
