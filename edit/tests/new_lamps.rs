@@ -68,6 +68,7 @@ fn a_lamp_is_where_the_heap_was_and_as_large() {
         centre: CENTRE,
         axis,
         radii: [0.25, 0.18],
+        is_open: false,
     };
     let edges = [turned * Vec3::X * 0.6, turned * Vec3::Y * 0.35];
     for (solid, size, keys) in [
@@ -204,6 +205,7 @@ fn a_tube_of_known_size_is_put_in_the_middle() {
         centre: CENTRE,
         axis: Vec3::Z * 0.2,
         radii: [0.3, 0.15],
+        is_open: false,
     };
     let seen = heap(tube, 0.8);
     // From both sides.

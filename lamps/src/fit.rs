@@ -30,6 +30,8 @@ const NUM_PROMISING: usize = 8;
 const NUM_PROMISING_BOXES: usize = 2;
 /// Best shapes that may be level ones.
 const NUM_LEVEL: usize = 2;
+/// Best tubes that may be open.
+const NUM_OPEN: usize = 2;
 /// Best shapes that are fitted again with the flux of views.
 const NUM_AGREED: usize = 3;
 /// Share of the pixels of a lamp that have its own all around them from which on it shows edges: it
@@ -146,7 +148,14 @@ fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option
         fits.extend(search.best(&tubes, NUM_PROMISING_BOXES));
         fits.extend(boxes);
     }
+    // Lampshades that shine and are dark inside look closed from the side.
     fits.sort_by(Scored::order);
+    if shows_edges && fits.first()?.fit.residual > PERFECT {
+        let opened = |found: &Scored| Some((found.fit.shape.opened()?, found.is_upright));
+        let opened: Vec<(Shape, bool)> = fits.iter().filter_map(opened).take(NUM_OPEN).collect();
+        fits.extend(search.best(&opened, NUM_OPEN));
+        fits.sort_by(Scored::order);
+    }
     let mut best = fits.first()?.fit;
     let mut all = fits.iter().map(|found| found.fit);
     let flat = all.find(|fit| fit.shape.flat().is_some());

@@ -21,6 +21,7 @@ mod mount;
 mod parts;
 mod pixels;
 mod place;
+mod reflecting;
 mod seen;
 mod shade;
 pub mod shape;
@@ -112,6 +113,7 @@ pub fn find(
 ) -> Result<Found, TraceError> {
     let mut candidates = seen_lamps(evidence, up, tracer, progress)?;
     put_up_shades(evidence, &mut candidates, up, tracer)?;
+    reflecting::leave_reflecting(&mut candidates);
     if kinds == Kinds::Bare {
         candidates.retain(|candidate| candidate.is_bare(evidence));
     }

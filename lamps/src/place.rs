@@ -33,8 +33,8 @@ pub(crate) fn is_on_wall(shape: &Shape, up: Vec3) -> bool {
 }
 
 /// The discs of a lamp of `shape` and `radiance`, behind glass or not, with spacings of about
-/// `pixel`, the width of a pixel of the views that see it best; those of a flat lamp's back follow,
-/// which do not shine.
+/// `pixel`, the width of a pixel of the views that see it best; those of a flat lamp's back,
+/// or of the inside of an open tube, follow, which do not shine.
 /// A viewer in front sees as much light of the discs as of the shape.
 pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_glass: bool, pixel: f32) -> Gaussians {
     let least = (shape.area() / MAX_DISCS).sqrt();
@@ -43,7 +43,7 @@ pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_glass: bool, pixel: f32) -
         .min(shape.thinnest() / MIN_ACROSS)
         .max(least);
     let albedo = if is_glass { ALBEDO_OF_GLASS } else { ALBEDO };
-    let surface = |radiance: Option<Vec3>| Surface {
+    let surface = |radiance: Option<Vec3>, shape: &Shape| Surface {
         solid: solid(shape),
         material: Material {
             albedo: Vec3::splat(albedo),
@@ -52,7 +52,7 @@ pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_glass: bool, pixel: f32) -
         },
         spacing: Some(spacing),
     };
-    let front = surface(Some(radiance)).discs();
+    let front = surface(Some(radiance), shape).discs();
     let factor = shown(shape, &front);
     let mut all: Vec<Gaussian> = front
         .iter()
@@ -61,15 +61,34 @@ pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_glass: bool, pixel: f32) -
             ..disc
         })
         .collect();
+    let behind = BACK_IN_SPACINGS * spacing;
+    if let Some(inside) = inside(shape, behind) {
+        all.extend(surface(None, &inside).discs().iter());
+    }
     if let Some(flat) = shape.flat() {
-        let behind = flat.normal() * (BACK_IN_SPACINGS * spacing);
-        let back = surface(None).discs();
+        let behind = flat.normal() * behind;
+        let back = surface(None, shape).discs();
         all.extend(back.iter().map(|disc| Gaussian {
             position: disc.position - behind,
             ..disc
         }));
     }
     all.into_iter().collect()
+}
+
+/// What rays meet that have passed the side of an open tube from without: one that is narrower by
+/// `behind`, scene units.
+fn inside(shape: &Shape, behind: f32) -> Option<Shape> {
+    let mut inside = *shape;
+    match &mut inside {
+        Shape::Tube {
+            radius,
+            is_open: true,
+            ..
+        } => *radius -= behind,
+        _ => return None,
+    }
+    Some(inside)
 }
 
 fn solid(shape: &Shape) -> Solid {
@@ -95,11 +114,13 @@ fn solid(shape: &Shape) -> Solid {
             radius,
             length,
             taper,
+            is_open,
             ..
         } => Solid::Tube {
             centre,
             axis: rotation * Vec3::Z * length,
             radii: [1.0 - taper, 1.0 + taper].map(|share| radius * share),
+            is_open,
         },
         Shape::Box {
             centre,

@@ -24,7 +24,7 @@ pub enum Shape {
         /// Radius, scene units.
         radius: f32,
     },
-    /// A cylinder, or a cone without its tip, with flat ends.
+    /// A cylinder, or a cone without its tip.
     Tube {
         /// Middle, world space.
         centre: Vec3,
@@ -36,6 +36,8 @@ pub enum Shape {
         length: f32,
         /// Radii of the ends, at +z and −z, differ from the mean by this share of it; −1 to 1.
         taper: f32,
+        /// Whether its side alone shines: its ends are open and show the inside, which does not.
+        is_open: bool,
     },
     /// A box.
     Box {
@@ -149,6 +151,7 @@ impl Shape {
                 radius,
                 length,
                 taper,
+                is_open,
                 ..
             } => Self::Tube {
                 centre,
@@ -156,6 +159,7 @@ impl Shape {
                 radius: radius * by.x,
                 length: length * by.z,
                 taper,
+                is_open,
             },
             Self::Box { size, .. } => Self::Box {
                 centre,
@@ -175,10 +179,12 @@ impl Shape {
                 radius,
                 length,
                 taper,
+                is_open,
                 ..
             } => {
                 let slant = length.hypot(2.0 * radius * taper);
-                let ends = radius * radius * (1.0 + taper * taper);
+                let share = if is_open { 0.0 } else { 1.0 + taper * taper };
+                let ends = radius * radius * share;
                 2.0 * PI * (radius * slant + ends)
             }
             Self::Box { size, .. } => 2.0 * size.dot(Vec3::new(size.y, size.z, size.x)),
@@ -186,10 +192,20 @@ impl Shape {
     }
 
     /// Mean area of the projections in directions from which it shines, scene units²: a quarter of
-    /// the surface of a convex body (Cauchy 1841), half of a flat shape.
+    /// what shines of the surface of a convex body (Cauchy 1841), half of a flat shape.
     pub fn mean_projection(&self) -> f32 {
         let share = if self.flat().is_some() { 0.5 } else { 0.25 };
         share * self.area()
+    }
+
+    /// The same with open ends, of a tube that has closed ones.
+    pub(crate) fn opened(&self) -> Option<Self> {
+        let mut opened = *self;
+        match &mut opened {
+            Self::Tube { is_open, .. } if !*is_open => *is_open = true,
+            _ => return None,
+        }
+        Some(opened)
     }
 
     /// Smallest whole length that is not 0, scene units.

@@ -136,6 +136,7 @@ fn a_flat_drum_is_no_panel() {
         radius: 0.14,
         length: 0.056,
         taper: 0.0,
+        is_open: false,
     };
     let found = check(&[(drum, Vec3::new(16.0, 14.0, 11.0))], 0.1);
     assert_eq!(found[0].shape, LampShape::Tube, "{found:#?}");
@@ -190,6 +191,7 @@ fn a_tube_lights_the_wall_that_it_hangs_before() {
         radius: 0.015,
         length: 0.7,
         taper: 0.0,
+        is_open: false,
     };
     let eyes = [-0.5, -0.3, 0.0, 0.2, 0.5].map(|x: f64| DVec3::new(x, 0.1, 1.4 + 0.3 * x));
     let views = eyes.map(|eye| {
@@ -225,6 +227,7 @@ fn lamps_that_some_views_show_apart_are_two() {
             radius: 0.035,
             length,
             taper: -0.4,
+            is_open: false,
         };
         (shape, Vec3::new(70.0, 30.0, 7.0))
     };
@@ -310,6 +313,7 @@ fn a_can_at_the_ceiling_does_not_lie_on_its_side() {
         radius: 0.16,
         length: 0.07,
         taper: 0.0,
+        is_open: false,
     };
     let found = check(&[(can, Vec3::new(17.0, 16.0, 14.5))], 0.06);
     assert_eq!(found[0].shape, LampShape::Tube, "{found:#?}");
@@ -331,6 +335,7 @@ fn bar(from: [f32; 3], axis: Vec3, length: f32) -> (Shape, Vec3) {
         radius: 0.025,
         length,
         taper: 0.0,
+        is_open: false,
     };
     (shape, Vec3::new(30.0, 3.0, 12.0))
 }
@@ -352,4 +357,29 @@ fn a_frame_is_four_bars() {
     let right = bar([0.5, 0.1, 1.8], Vec3::Z, 0.5);
     // The depth of a bar that is two pixels thick is not known well.
     check(&[top, low, left, right], 0.15);
+}
+
+/// A lampshade without ends, as views from above show: with them it would send half as much again.
+#[test]
+fn a_shade_that_is_dark_inside_is_an_open_tube() {
+    let shade = Shape::Tube {
+        centre: Vec3::new(0.1, 0.3, 0.95),
+        rotation: Quat::IDENTITY,
+        radius: 0.11,
+        length: 0.17,
+        taper: -0.18,
+        is_open: true,
+    };
+    let views = [-0.9, -0.5, 0.1, 0.6, 1.1, 0.3].map(|x: f64| {
+        let eye = DVec3::new(x, -0.9 + 0.3 * x.abs(), 1.5 + 0.2 * x);
+        let ahead = (DVec3::new(0.1, 0.3, 0.95) - eye).normalize();
+        Camera::centred([240, 160], 1.3, Camera::level_pose(eye, ahead))
+    });
+    let lamps = [(shade, Vec3::new(4.5, 3.6, 2.5))];
+    let found = check_found(&lamps, found_by(&views, &lamps, &lamps), 0.06);
+    assert_eq!(found[0].shape, LampShape::Tube, "{found:#?}");
+    assert!(
+        (found[0].area / shade.area() - 1.0).abs() < 0.06,
+        "{found:#?}"
+    );
 }

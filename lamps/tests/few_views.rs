@@ -289,6 +289,7 @@ fn a_flat_drum_on_a_wall_is_no_ball() {
         radius: 0.13,
         length: 0.07,
         taper: 0.0,
+        is_open: false,
     };
     let eyes = [
         DVec3::new(-1.2, 0.4, 1.1),

@@ -118,6 +118,7 @@ fn round_and_long_lamps_have_their_power() {
         radius: 0.03,
         length: 0.6,
         taper: 0.0,
+        is_open: false,
     };
     for (lamp, shape) in [(ball, LampShape::Ball), (tube, LampShape::Tube)] {
         // As training leaves it: discs that are about where the lamp is.

@@ -75,7 +75,7 @@ pub enum Solid {
         /// Its whole axes, scene units, at right angles; the normal is `u × v`.
         axes: [Vec3; 2],
     },
-    /// The surface of a cylinder, or of a cone without its tip, with flat ends.
+    /// The surface of a cylinder, or of a cone without its tip, with flat ends or open ones.
     Tube {
         /// Middle, scene units.
         centre: Vec3,
@@ -83,6 +83,8 @@ pub enum Solid {
         axis: Vec3,
         /// Radii of the first and the last end, scene units, positive.
         radii: [f32; 2],
+        /// Whether its ends are open: its side alone is the surface.
+        is_open: bool,
     },
     /// The surface of a box.
     Box {
@@ -143,7 +145,13 @@ impl Surface {
                 centre,
                 axis,
                 radii,
-            } => self.cover_tube(centre, axis, radii, &mut discs),
+                is_open,
+            } => {
+                self.cover_side(centre, axis, radii, &mut discs);
+                if !is_open {
+                    self.cover_ends(centre, axis, radii, &mut discs);
+                }
+            }
             Solid::Box {
                 centre,
                 size,
@@ -177,8 +185,12 @@ impl Surface {
             Solid::Tube {
                 axis,
                 radii: [a, b],
+                is_open,
                 ..
-            } => PI * ((a + b) * axis.length().hypot(a - b) + a * a + b * b),
+            } => {
+                let ends = if is_open { 0.0 } else { a * a + b * b };
+                PI * ((a + b) * axis.length().hypot(a - b) + ends)
+            }
             Solid::Box { size, .. } => 2.0 * size.dot(Vec3::new(size.y, size.z, size.x)),
         }
     }
@@ -233,7 +245,8 @@ impl Surface {
         }
     }
 
-    fn cover_tube(&self, centre: Vec3, axis: Vec3, radii: [f32; 2], out: &mut Vec<Gaussian>) {
+    /// The side of a tube.
+    fn cover_side(&self, centre: Vec3, axis: Vec3, radii: [f32; 2], out: &mut Vec<Gaussian>) {
         let spacing = self.spacing();
         let slope = (radii[1] - radii[0]) / axis.length();
         let along = Row::new(axis.length().hypot(radii[1] - radii[0]), spacing);
@@ -252,13 +265,18 @@ impl Surface {
                 out.push(self.disc(position, scale, turned(x_axis, normal)));
             }
         }
+    }
+
+    /// The ends of a tube.
+    fn cover_ends(&self, centre: Vec3, axis: Vec3, radii: [f32; 2], out: &mut Vec<Gaussian>) {
+        let to_world = rotation::from_z_to(axis.normalize());
         let [x, y] = [Vec3::X, Vec3::Y].map(|edge| to_world * edge * 2.0);
         let ends = [
             (0.5, [x * radii[1], y * radii[1]]),
             (-0.5, [y * radii[0], x * radii[0]]),
         ];
         for (place, axes) in ends {
-            self.cover_ellipse(centre + axis * place, axes, spacing, out);
+            self.cover_ellipse(centre + axis * place, axes, self.spacing(), out);
         }
     }
 

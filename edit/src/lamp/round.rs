@@ -98,6 +98,7 @@ pub(super) fn tube(discs: &[Disc], axis: DVec3) -> Option<Solid> {
         centre: (foot + axis * (0.5 * (low + high))).as_vec3(),
         axis: (axis * (high - low)).as_vec3(),
         radii: rims.map(|rim| rim.radius.max(least) as f32),
+        is_open: false,
     })
 }
 
@@ -112,6 +113,7 @@ pub(super) fn placed(discs: &[Disc], axis: DVec3, size: TubeSize) -> Solid {
         centre: (middle(x) + middle(y) + middle(axis)).as_vec3(),
         axis: axis.as_vec3() * size.height,
         radii: size.radii,
+        is_open: false,
     }
 }
 
@@ -131,6 +133,7 @@ fn filled(discs: &[Disc], axis: DVec3) -> Option<Solid> {
         centre: (foot + axis * (0.5 * (low + high))).as_vec3(),
         axis: (axis * (high - low)).as_vec3(),
         radii: [radius; 2],
+        is_open: false,
     })
 }
 

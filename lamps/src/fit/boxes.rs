@@ -108,6 +108,7 @@ pub(crate) fn drum(of: &Shape, up: Vec3) -> Option<Shape> {
         radius: 0.5 * width,
         length: THICKNESS * width,
         taper: 0.0,
+        is_open: false,
     })
 }
 
@@ -123,6 +124,7 @@ pub(crate) fn tube(of: &Shape) -> Option<Shape> {
         radius: 2.0 * across / PI,
         length: size[long],
         taper: 0.0,
+        is_open: false,
     })
 }
 

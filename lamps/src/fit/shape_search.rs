@@ -18,7 +18,7 @@ pub(crate) const BETTER: f32 = 0.6;
 const BETTER_OF_FEW: f32 = 0.4;
 const FEW: usize = 120;
 /// Freedom of flat shapes and boxes that are tilted against their mount and the vertical, of flat
-/// ones that are off their mount, of tilted tubes, and of edges.
+/// ones that are off their mount, of tilted tubes, and of edges and open ends.
 const TILTED: f32 = 1.0;
 const TURNED: f32 = 0.5;
 const EDGES: f32 = 0.5;
@@ -207,6 +207,7 @@ impl<'a> ShapeSearch<'a> {
                 Shape::Rectangle(flat) | Shape::Ellipse(flat) => {
                     tilted(TILTED).max(off()) + if self.leaves_dark(&flat) { TILTED } else { 0.0 }
                 }
+                Shape::Tube { is_open: true, .. } => tilted(TURNED) + EDGES,
                 Shape::Tube { .. } if is_rather_flat(&fit.shape) => {
                     tilted(TURNED).max(off()) + EDGES
                 }

@@ -203,5 +203,6 @@ pub(crate) fn first_tube(points: &[Point], centre: Vec3, axis: Vec3, pixel: f32)
         radius: across.max(0.5 * pixel),
         length: (4.0 * along).max(pixel),
         taper: 0.0,
+        is_open: false,
     }
 }

@@ -196,6 +196,7 @@ mod tests {
             radius: 0.5,
             length: 0.25,
             taper: 0.0,
+            is_open: false,
         };
         let cases = [
             (&bar, Vec3::Z, 1.0),

@@ -144,8 +144,9 @@ impl<'a> ShapeFrom<'a> {
                 radius,
                 length,
                 taper,
+                is_open,
                 ..
-            } => rays.map(|ray| meet_tube(o, own(ray), radius, 0.5 * length, taper)),
+            } => rays.map(|ray| meet_tube(o, own(ray), [radius, 0.5 * length, taper], is_open)),
             Shape::Box { size, .. } => rays.map(|ray| meet_box(o, own(ray), 0.5 * size)),
         }
     }
@@ -249,12 +250,12 @@ fn meet_box(o: Vec3, d: Vec3, half: Vec3) -> f32 {
     met_if((enters <= leaves) & (enters > 0.0), enters)
 }
 
-/// Distance to a closed cone about z of half its length `half`, from outside; its radius is
-/// `radius · (1 + taper · z / half)`.
+/// Distance to a cone about z of this mean radius, half of its length and taper, from outside; its
+/// radius is `radius · (1 + taper · z / half)`. Through open ends its dark inside is seen.
 #[inline(always)]
-fn meet_tube(o: Vec3, d: Vec3, radius: f32, half: f32, taper: f32) -> f32 {
+fn meet_tube(o: Vec3, d: Vec3, [radius, half, taper]: [f32; 3], is_open: bool) -> f32 {
     let slope = radius * taper / half;
-    let mut nearest = NOWHERE;
+    let (mut side, mut end) = (NOWHERE, NOWHERE);
     // x² + y² = (radius + slope z)² along the ray.
     let (r, dr) = (radius + slope * o.z, slope * d.z);
     let a = d.x * d.x + d.y * d.y - dr * dr;
@@ -265,13 +266,13 @@ fn meet_tube(o: Vec3, d: Vec3, radius: f32, half: f32, taper: f32) -> f32 {
     for root in [-discriminant.sqrt(), discriminant.sqrt()] {
         let t = (-b + root) / a;
         let is_on = (t > 0.0) & ((o.z + t * d.z).abs() <= half);
-        nearest = nearest.min(met_if(meets_cone & is_on, t));
+        side = side.min(met_if(meets_cone & is_on, t));
     }
-    for end in [-half, half] {
-        let t = (end - o.z) / d.z;
-        let (at, radius) = (o + d * t, radius + slope * end);
+    for z in [-half, half] {
+        let t = (z - o.z) / d.z;
+        let (at, radius) = (o + d * t, radius + slope * z);
         let is_on = (t > 0.0) & (at.x * at.x + at.y * at.y <= radius * radius);
-        nearest = nearest.min(met_if((d.z != 0.0) & is_on, t));
+        end = end.min(met_if((d.z != 0.0) & is_on, t));
     }
-    nearest
+    met_if(!is_open | (side < end), side.min(end))
 }

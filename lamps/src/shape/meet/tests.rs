@@ -29,6 +29,7 @@ fn what_a_pixel_shows_is_what_its_rays_meet() {
         radius: 0.2,
         length: 0.4,
         taper: -0.3,
+        is_open: false,
     };
     let ball = Shape::Ball {
         centre,
@@ -77,6 +78,7 @@ fn as_many_rays_meet_a_shape_as_its_area_says() {
         radius: 0.2,
         length: 1.1,
         taper: 0.4,
+        is_open: false,
     };
     let flat = Flat {
         centre: Vec3::new(0.2, 0.0, -0.1),
@@ -146,4 +148,36 @@ fn mean_projections_are_those_of_closed_forms() {
     ] {
         assert!((shape.mean_projection() / wanted - 1.0).abs() < 1e-6);
     }
+}
+
+/// Through the open end of a tube its inside is seen, which does not shine, from afar and from near.
+#[test]
+fn open_tubes_are_met_from_without_alone() {
+    let tube = |is_open: bool| Shape::Tube {
+        centre: Vec3::new(0.0, 0.0, 1.0),
+        rotation: Quat::IDENTITY,
+        radius: 0.2,
+        length: 0.4,
+        taper: -0.2,
+        is_open,
+    };
+    let cases = [
+        // From the side, and from above onto the outside of the wider end.
+        (Vec3::new(2.0, 0.0, 1.0), Vec3::new(0.0, 0.0, 1.0), true),
+        (Vec3::new(2.0, 0.0, 2.0), Vec3::new(0.2, 0.0, 1.0), true),
+        // Into either end, and out through the other one.
+        (Vec3::new(1.0, 0.0, 2.0), Vec3::new(0.05, 0.0, 1.2), false),
+        (Vec3::new(0.5, 0.0, 0.0), Vec3::new(-0.05, 0.0, 0.8), false),
+        (Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.0, 0.0, 0.0), false),
+    ];
+    for (eye, at, is_met) in cases {
+        let direction = (at - eye).normalize();
+        let closed = tube(false).meet(eye, direction);
+        assert!(closed.is_some(), "{eye} {at}");
+        let met = tube(true).meet(eye, direction);
+        assert_eq!(met, closed.filter(|_| is_met), "{eye} {at}");
+    }
+    assert!(tube(true).area() < tube(false).area());
+    assert_eq!(tube(false).opened(), Some(tube(true)));
+    assert_eq!(tube(true).opened(), None);
 }
