@@ -9,7 +9,7 @@ mod thin;
 use crate::shape::meet::Rays;
 use eagpt_masks::{Mask, Region};
 use eagpt_scene::camera::RayFrame;
-use eagpt_scene::{Camera, Image, View};
+use eagpt_scene::{Camera, Image, Lamp, View};
 use eagpt_trace::features::GBuffer;
 use glam::Vec3;
 use level::{Level, neighbourhood};
@@ -146,6 +146,8 @@ pub struct Evidence {
     pub(crate) sights: Vec<Sight>,
     /// The cameras of all views that have a mask, with the indices of their lights.
     pub(crate) cameras: Vec<(usize, Camera)>,
+    /// Lamps that are in the scene already, with no pixels here, in whose light others may lie.
+    pub known: Vec<Lamp>,
 }
 
 impl Evidence {

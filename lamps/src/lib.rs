@@ -113,7 +113,7 @@ pub fn find(
 ) -> Result<Found, TraceError> {
     let mut candidates = seen_lamps(evidence, up, tracer, progress)?;
     put_up_shades(evidence, &mut candidates, up, tracer)?;
-    reflecting::leave_reflecting(&mut candidates);
+    reflecting::leave_reflecting(&mut candidates, &evidence.known);
     if kinds == Kinds::Bare {
         candidates.retain(|candidate| candidate.is_bare(evidence));
     }

@@ -383,3 +383,19 @@ fn a_shade_that_is_dark_inside_is_an_open_tube() {
         "{found:#?}"
     );
 }
+
+/// A bulb right before a ceiling, of which masks show what it lights: as bright as a nearly white
+/// ceiling is in its light, or three times as bright.
+#[test]
+fn a_surface_that_a_lamp_lights_is_no_lamp_of_its_own() {
+    // The bulb sends a quarter of its 7.4 to the square: white would be 15.
+    let bulb = bulb([0.1, 0.1, 2.43], 0.03);
+    for (radiance, shape) in [(12.0, LampShape::Other), (40.0, LampShape::Panel)] {
+        let lit = panel(0.1, [0.2, 0.2], Vec3::splat(radiance));
+        let lamps = [bulb, lit];
+        let found = found(&lamps, &lamps);
+        let spot = found.iter().find(|lamp| lamp.radiance[0] < 100.0);
+        assert_eq!(spot.map(|lamp| lamp.shape), Some(shape), "{found:#?}");
+        assert_eq!(found.len(), 2, "{found:#?}");
+    }
+}

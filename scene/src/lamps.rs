@@ -95,7 +95,7 @@ pub struct Lamp {
     /// to it, as parts of its fixture that it lights; scene units, 0 without.
     #[serde(default)]
     pub reach: f32,
-    /// Area that emits, scene units², positive.
+    /// Area that emits, scene units², positive; of a tube with open ends that of its side.
     pub area: f32,
     /// Mean radiance of that area, linear Rec.709.
     pub radiance: [f32; 3],

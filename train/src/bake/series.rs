@@ -2,7 +2,7 @@
 
 mod growth;
 
-pub(super) use growth::limit_albedos;
+pub(super) use growth::limit_growth;
 
 use super::receivers::Receivers;
 use crate::progress::BakeProgress;

@@ -5,7 +5,7 @@ use super::emitters::{forget_directions, with_emitters};
 use super::highlights::Highlights;
 use super::receivers::Receivers;
 use super::request::{GaussianBake, Told};
-use super::series::{Exchange, limit_albedos, sum_of_bounces};
+use super::series::{Exchange, limit_growth, sum_of_bounces};
 use crate::error::Result;
 use crate::progress::BakeProgress;
 use eagpt_light::irradiance::{self, PIECE};
@@ -111,8 +111,8 @@ impl Solution<'_> {
 impl TracedScene<'_> {
     /// Darkens the Gaussians of the scene that was traced between which light grows with each
     /// bounce; returns how many.
-    pub(crate) fn limit_albedos(&self, scene: &mut Gaussians) -> usize {
-        limit_albedos(scene, &self.exchange())
+    pub(crate) fn limit_growth(&self, scene: &mut Gaussians) -> usize {
+        limit_growth(scene, &self.exchange())
     }
 
     /// Who lights whom in it.

@@ -35,7 +35,8 @@ impl Run<'_> {
         let device = &self.request.device;
         let known = (!discs.is_empty()).then(|| device.scene(&discs));
         let tracer = device.scene(&scene)?;
-        let evidence = lit_pixels(&*tracer, views, known.transpose()?.as_deref())?;
+        let mut evidence = lit_pixels(&*tracer, views, known.transpose()?.as_deref())?;
+        evidence.known.clone_from(&bare.lamps);
         let found = self.find_lamps((&evidence, Kinds::All), (&scene, &*tracer), views)?;
         let lights = 0..views.num_lights();
         let mut num_lamps = found.lamps.lamps.len();

@@ -62,7 +62,7 @@ pub(crate) fn balance<V: Iterator<Item = Result<TrainingView>>>(
         return Ok(None);
     };
     let mut scene = scene.clone();
-    let num_limited = traced.limit_albedos(&mut scene);
+    let num_limited = traced.limit_growth(&mut scene);
     let Some(solved) = traced.solve(scene.clone(), told)? else {
         return Ok(None);
     };

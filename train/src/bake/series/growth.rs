@@ -21,7 +21,7 @@ const NUM_SETTLING: u32 = 4;
 
 /// Darkens the Gaussians of `scene` whose albedo is above [`MAX_SURFACE`], and whose light is more
 /// than that share of the last bounce's, until neither is so of both; returns how many.
-pub(in crate::bake) fn limit_albedos(scene: &mut Gaussians, light: &Exchange<'_>) -> usize {
+pub(in crate::bake) fn limit_growth(scene: &mut Gaussians, light: &Exchange<'_>) -> usize {
     let reflects = |emission: &f32| if emits(*emission) { 0.0 } else { 1.0 };
     let mut last: Vec<Vec3> = scene
         .emissions

@@ -183,7 +183,7 @@ fn light_that_grows_with_each_bounce_is_limited_and_other_is_not() {
             bounces[15] / bounces[0]
         };
         assert_eq!(last_over_first(&scene) > 10.0, is_limited);
-        let num = limit_albedos(&mut scene, &light);
+        let num = limit_growth(&mut scene, &light);
         if is_limited {
             // No Gaussian needs to be darker than a white surface.
             assert!(num > scene.len() / 2, "{num}");
