@@ -12,7 +12,8 @@ use eagpt_scene::{Camera, Gaussians, SceneEdit};
 use eagpt_trace::{Device, Features, TraceError};
 use glam::Vec3;
 
-/// A pixel tells of the discs in it if it is lighter or darker without them by this part …
+/// A pixel tells of the discs in it if a channel is brighter or darker without them by this part of
+/// the luminance …
 const LEAST_CHANGE: f32 = 0.2;
 /// … or if what it shows then is not farther by this part: layers of one wall are alike.
 const FARTHER: f32 = 0.1;
@@ -108,8 +109,9 @@ impl Seen {
 
 /// Whether a pixel is another without discs, or what it shows then is as near.
 fn tells(with: &Features, without: &Features) -> bool {
-    let [light, other] = [with, without].map(|seen| luminance(seen.radiance().to_array()));
-    let is_alike = (other - light).abs() <= LEAST_CHANGE * light;
+    let [light, other] = [with, without].map(Features::radiance);
+    let change = (other - light).abs().max_element();
+    let is_alike = change <= LEAST_CHANGE * luminance(light.to_array());
     let is_farther = without.mean_distance() > (1.0 + FARTHER) * with.mean_distance();
     !is_alike || !is_farther
 }
@@ -165,6 +167,13 @@ mod tests {
         assert!(!kept(disc(at(0.3), 0.05, 0.85 * WALL)));
         // A wire.
         assert!(kept(disc(at(0.3), 0.05, 0.7 * WALL)));
+        // Of the wall's luminance, and redder.
+        let red = Vec3::new(1.8, 0.78, 0.82) * WALL;
+        assert!((luminance(red.to_array()) / WALL - 1.0).abs() < 0.01);
+        assert!(kept(Gaussian {
+            radiance: red,
+            ..disc(at(0.3), 0.05, WALL)
+        }));
         // The wall is 4 m away, and 3.2 m is a fifth less.
         assert!(!kept(disc(at(0.2), 0.05, WALL)));
         // A layer of the wall, though within reach of the lamp.
