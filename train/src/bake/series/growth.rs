@@ -1,10 +1,10 @@
 //! Albedos with which light does not grow from bounce to bounce.
 //!
-//! Albedos of single Gaussians may exceed 1 ([`eagpt_scene::gaussians::MAX_ALBEDO`]), and so do
-//! those of two that face each other in a lamp's housing, whose brightness no lamp of the scene
-//! explains. Cameras see them among darker ones, but rays from one meet the other, and their light
-//! grows without end. It does not if some radiance is at least as large everywhere as what is
-//! reflected of it (Collatz 1942; Wielandt 1950): that of many bounces is held against the next.
+//! Albedos of single Gaussians may exceed 1 ([`eagpt_scene::gaussians::MAX_ALBEDO`]), and so may
+//! those of neighbours, as in the housing of a lamp that the scene lacks. Cameras see them among
+//! darker ones, but rays from one meet the other, and their light grows without end. It does not if
+//! some radiance is larger everywhere than what is reflected of it (Collatz 1942; Wielandt 1950):
+//! that of many bounces is held against the next.
 
 use super::Exchange;
 use eagpt_light::energy::MAX_SURFACE;
