@@ -33,8 +33,8 @@ pub(crate) fn is_on_wall(shape: &Shape, up: Vec3) -> bool {
 }
 
 /// The discs of a lamp of `shape` and `radiance`, behind glass or not, with spacings of about
-/// `pixel`, the width of a pixel of the views that see it best; those of a flat lamp's back,
-/// or of the inside of an open tube, follow, which do not shine.
+/// `pixel`, the width of a pixel of the views that see it best; those of a flat lamp's back, or of
+/// the inside of an open tube, follow, which do not shine.
 /// A viewer in front sees as much light of the discs as of the shape.
 pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_glass: bool, pixel: f32) -> Gaussians {
     let least = (shape.area() / MAX_DISCS).sqrt();
@@ -76,8 +76,8 @@ pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_glass: bool, pixel: f32) -
     all.into_iter().collect()
 }
 
-/// What rays meet that have passed the side of an open tube from without: one that is narrower by
-/// `behind`, scene units.
+/// The inside of an open tube, which rays meet that have passed its side from without: a tube that
+/// is narrower by `behind`, scene units.
 fn inside(shape: &Shape, behind: f32) -> Option<Shape> {
     let mut inside = *shape;
     match &mut inside {

@@ -8,7 +8,7 @@
 use crate::candidates::Candidate;
 use crate::fit::shape_search::Fit;
 use crate::pixels::silhouette::Gaps;
-use crate::shape::{Flat, Shape};
+use crate::shape::{Flat, Shape, mean_projection};
 use eagpt_scene::Lamp;
 use eagpt_scene::color::luminance;
 use glam::{Quat, Vec3};
@@ -62,22 +62,25 @@ impl Source {
     }
 
     fn of_shape(shape: &Shape, radiance: Vec3) -> Self {
-        let parts = parts(shape.centre(), shape.rotation(), shape.size());
-        Self {
-            luminance: luminance(radiance.to_array()),
-            projection: shape.mean_projection() / parts.len() as f32,
-            parts,
-            normal: shape.flat().map(Flat::normal),
-        }
+        let frame = (shape.centre(), shape.rotation(), shape.size());
+        let normal = shape.flat().map(Flat::normal);
+        Self::new(frame, (shape.area(), radiance), normal)
     }
 
     fn of_lamp(lamp: &Lamp) -> Self {
-        let parts = parts(lamp.centre(), lamp.world_from_lamp(), Vec3::from(lamp.size));
-        let normal = lamp.one_sided.then(|| lamp.world_from_lamp() * Vec3::Z);
-        let share = if normal.is_some() { 0.5 } else { 0.25 };
+        let rotation = lamp.world_from_lamp();
+        let frame = (lamp.centre(), rotation, Vec3::from(lamp.size));
+        let normal = lamp.one_sided.then(|| rotation * Vec3::Z);
+        Self::new(frame, (lamp.area, Vec3::from(lamp.radiance)), normal)
+    }
+
+    /// A lamp in a box of this middle, rotation and size, of whose `area` the `radiance` leaves, to
+    /// the side of the `normal` if it is flat.
+    fn new(frame: (Vec3, Quat, Vec3), (area, radiance): (f32, Vec3), normal: Option<Vec3>) -> Self {
+        let parts = parts(frame);
         Self {
-            luminance: luminance(lamp.radiance),
-            projection: share * lamp.area / parts.len() as f32,
+            luminance: luminance(radiance.to_array()),
+            projection: mean_projection(area, normal.is_some()) / parts.len() as f32,
             parts,
             normal,
         }
@@ -114,7 +117,7 @@ impl Source {
 }
 
 /// Middles of parts of a box that are about as long as its smallest length that is not 0.
-fn parts(centre: Vec3, rotation: Quat, size: Vec3) -> Vec<Vec3> {
+fn parts((centre, rotation, size): (Vec3, Quat, Vec3)) -> Vec<Vec3> {
     let lengths = size.to_array().into_iter().filter(|length| *length > 0.0);
     let thinnest = lengths.fold(f32::INFINITY, f32::min);
     let num = |length: f32| (length / thinnest).round().clamp(1.0, MOST_PARTS);

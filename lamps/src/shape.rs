@@ -191,11 +191,9 @@ impl Shape {
         }
     }
 
-    /// Mean area of the projections in directions from which it shines, scene units²: a quarter of
-    /// what shines of the surface of a convex body (Cauchy 1841), half of a flat shape.
+    /// Mean area of the projections in directions from which it shines, scene units².
     pub fn mean_projection(&self) -> f32 {
-        let share = if self.flat().is_some() { 0.5 } else { 0.25 };
-        share * self.area()
+        mean_projection(self.area(), self.flat().is_some())
     }
 
     /// The same with open ends, of a tube that has closed ones.
@@ -217,4 +215,11 @@ impl Shape {
             size.x.min(size.y)
         }
     }
+}
+
+/// Mean area of the projections of what shines in directions from which it does, scene units²: of a
+/// flat `area` half, of one on a convex body a quarter (Cauchy 1841).
+pub(crate) fn mean_projection(area: f32, is_flat: bool) -> f32 {
+    let share = if is_flat { 0.5 } else { 0.25 };
+    share * area
 }

@@ -4,68 +4,11 @@
 
 mod rig;
 
-use eagpt_lamps::Kinds;
 use eagpt_lamps::shape::{Flat, Shape};
-use eagpt_scene::lamps::{Lamp, LampShape};
-use eagpt_scene::{Camera, Gaussians, View, rotation};
+use eagpt_scene::lamps::LampShape;
+use eagpt_scene::{Camera, View, rotation};
 use glam::{DVec3, Quat, Vec3};
-use rig::{cameras, find_in, heap, photograph_all, room};
-use std::f32::consts::PI;
-
-/// Lamps found in photographs of these, where training has a heap of discs for each `trained` one.
-fn found(lamps: &[(Shape, Vec3)], trained: &[(Shape, Vec3)]) -> Vec<Lamp> {
-    found_by(&cameras(), lamps, trained)
-}
-
-fn found_by(cameras: &[Camera], lamps: &[(Shape, Vec3)], trained: &[(Shape, Vec3)]) -> Vec<Lamp> {
-    found_lit(cameras, lamps, trained, |_| {})
-}
-
-/// … where something is `done` to the photographs.
-fn found_lit(
-    cameras: &[Camera],
-    lamps: &[(Shape, Vec3)],
-    trained: &[(Shape, Vec3)],
-    done: impl Fn(&mut View),
-) -> Vec<Lamp> {
-    let heaps = trained
-        .iter()
-        .flat_map(|(shape, radiance)| heap(shape, *radiance));
-    let scene: Gaussians = room().iter().chain(heaps).collect();
-    let photographs = cameras.iter().enumerate().map(|(i, &camera)| {
-        let mut view = photograph_all(i, camera, lamps, &[]);
-        done(&mut view);
-        view
-    });
-    find_in(&scene, Kinds::All, photographs).lamps.lamps
-}
-
-/// Checks that each of `lamps` is found, within this share of its power, and nothing else.
-fn check(lamps: &[(Shape, Vec3)], tolerance: f32) -> Vec<Lamp> {
-    check_found(lamps, found(lamps, lamps), tolerance)
-}
-
-fn check_found(lamps: &[(Shape, Vec3)], found: Vec<Lamp>, tolerance: f32) -> Vec<Lamp> {
-    assert_eq!(found.len(), lamps.len(), "{found:#?}");
-    for (shape, radiance) in lamps {
-        let distance = |lamp: &&Lamp| lamp.centre().distance(shape.centre());
-        let nearest = found
-            .iter()
-            .min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let lamp = nearest.unwrap();
-        assert!(
-            distance(&lamp) < 0.3 * shape.size().max_element(),
-            "{lamp:?} {shape:?}"
-        );
-        let ratio = Vec3::from(lamp.power) / (*radiance * (PI * shape.area()));
-        let is_right = |share: f32| (share - 1.0).abs() < tolerance;
-        assert!(
-            ratio.to_array().into_iter().all(is_right),
-            "{ratio} {lamp:?}"
-        );
-    }
-    found
-}
+use rig::found::{check, check_found, found, found_by, found_lit};
 
 fn panel(x: f32, size: [f32; 2], radiance: Vec3) -> (Shape, Vec3) {
     let flat = Flat {
@@ -125,21 +68,6 @@ fn small_flat_lamps_are_no_drums() {
             assert_eq!(found[0].shape, LampShape::Panel, "{found:#?}");
         }
     }
-}
-
-/// A fifth as thick as it is wide, two pixels.
-#[test]
-fn a_flat_drum_is_no_panel() {
-    let drum = Shape::Tube {
-        centre: Vec3::new(0.1, 0.1, 2.2),
-        rotation: Quat::IDENTITY,
-        radius: 0.14,
-        length: 0.056,
-        taper: 0.0,
-        is_open: false,
-    };
-    let found = check(&[(drum, Vec3::new(16.0, 14.0, 11.0))], 0.1);
-    assert_eq!(found[0].shape, LampShape::Tube, "{found:#?}");
 }
 
 /// A bar that is as wide as three pixels and a cube: a tube sends another part of their light up.
@@ -306,20 +234,6 @@ fn a_long_bar_that_views_show_from_above_is_no_tube() {
 }
 
 #[test]
-fn a_can_at_the_ceiling_does_not_lie_on_its_side() {
-    let can = Shape::Tube {
-        centre: Vec3::new(0.1, 0.1, 2.46),
-        rotation: Quat::IDENTITY,
-        radius: 0.16,
-        length: 0.07,
-        taper: 0.0,
-        is_open: false,
-    };
-    let found = check(&[(can, Vec3::new(17.0, 16.0, 14.5))], 0.06);
-    assert_eq!(found[0].shape, LampShape::Tube, "{found:#?}");
-}
-
-#[test]
 fn bulbs_that_touch_in_photographs_are_as_many_as_there_are() {
     let at = [[0.0, 0.1, 2.1], [0.11, 0.1, 2.06], [0.05, 0.2, 2.12]];
     let bulbs = at.map(|at| bulb(at, 0.05));
@@ -357,31 +271,6 @@ fn a_frame_is_four_bars() {
     let right = bar([0.5, 0.1, 1.8], Vec3::Z, 0.5);
     // The depth of a bar that is two pixels thick is not known well.
     check(&[top, low, left, right], 0.15);
-}
-
-/// A lampshade without ends, as views from above show: with them it would send half as much again.
-#[test]
-fn a_shade_that_is_dark_inside_is_an_open_tube() {
-    let shade = Shape::Tube {
-        centre: Vec3::new(0.1, 0.3, 0.95),
-        rotation: Quat::IDENTITY,
-        radius: 0.11,
-        length: 0.17,
-        taper: -0.18,
-        is_open: true,
-    };
-    let views = [-0.9, -0.5, 0.1, 0.6, 1.1, 0.3].map(|x: f64| {
-        let eye = DVec3::new(x, -0.9 + 0.3 * x.abs(), 1.5 + 0.2 * x);
-        let ahead = (DVec3::new(0.1, 0.3, 0.95) - eye).normalize();
-        Camera::centred([240, 160], 1.3, Camera::level_pose(eye, ahead))
-    });
-    let lamps = [(shade, Vec3::new(4.5, 3.6, 2.5))];
-    let found = check_found(&lamps, found_by(&views, &lamps, &lamps), 0.06);
-    assert_eq!(found[0].shape, LampShape::Tube, "{found:#?}");
-    assert!(
-        (found[0].area / shade.area() - 1.0).abs() < 0.06,
-        "{found:#?}"
-    );
 }
 
 /// A bulb right before a ceiling, of which masks show what it lights: as bright as a nearly white

@@ -5,39 +5,28 @@
 //! through anywhere. Towards the edges of flat surfaces, and the ends of tubes, discs become thinner:
 //! soft borders as wide as a spacing would be what views show of a bright window's edge.
 
+mod rows;
+
 use crate::gaussians::{Gaussian, Gaussians};
 use crate::gloss::Gloss;
 use crate::harmonics::Harmonics;
 use crate::rotation;
 use glam::{Mat3, Quat, Vec2, Vec3};
+use rows::{BALL_EXCESS, Ring, Row, rows};
 use std::f32::consts::PI;
+
+pub use rows::INSET_IN_SPACINGS;
 
 /// Standard deviation of a disc in spacings.
 pub const SCALE_IN_SPACINGS: f32 = 0.75;
 /// Opacity of a disc.
 const OPACITY: f32 = 0.99;
-/// Spacing of the outermost rows of discs, in that of the others, and how much wider each row
-/// further in is, until it has that.
-const EDGE_SPACING: f32 = 0.125;
-const GROWTH: f32 = 1.5;
-/// Rows at either end that are narrower than the others: `1.5^6 > 8`.
-const NUM_NARROW: usize = 6;
-/// Distance of the outermost discs of a flat surface from its edge, in their spacings: with the
-/// values above, what the soft border of the discs covers beyond the edge is what it leaves open
-/// before it (integrated numerically; 1.13 where all rows are alike).
-pub const INSET_IN_SPACINGS: f32 = 1.14;
 /// Discs of a surface whose spacing is not given.
 const DEFAULT_NUM_DISCS: f32 = 2500.0;
 /// Most discs of one surface: a spacing in the wrong unit must not fill the memory.
 pub const MAX_DISCS: usize = 4_000_000;
-/// Discs that touch a ball stick out of it and widen its shadow by this times (spacing / radius)²,
-/// relative to the radius (measured by tracing parallel rays past balls of spacing 0.07 and 0.2
-/// radii: 1.67 and 1.58). The discs are put that much further in.
-const BALL_EXCESS: f32 = 1.6;
-/// Least number of discs on a ball, and along each edge of a flat surface.
+/// Least number of discs on a ball.
 const MIN_BALL_DISCS: usize = 200;
-const MIN_ROW_DISCS: usize = 2;
-const MIN_RING_DISCS: usize = 12;
 
 /// A surface to cover with discs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -299,101 +288,6 @@ impl Surface {
 fn turned(x_axis: Vec3, normal: Vec3) -> Quat {
     let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
     rotation::unit(Quat::from_mat3(&frame))
-}
-
-/// The rows of discs on a parallelogram.
-fn rows([u, v]: [Vec3; 2], spacing: f32) -> [Row; 2] {
-    // Rows of a slanted one are nearer to each other than its edge is long.
-    let height = u.cross(v).length() / u.length();
-    [u.length(), height].map(|length| Row::new(length, spacing))
-}
-
-/// Discs around a tube.
-struct Ring {
-    num: usize,
-    spacing: f32,
-    radius: f32,
-}
-
-impl Ring {
-    fn new(radius: f32, wanted: f32) -> Self {
-        let num = ((2.0 * PI * radius / wanted).round() as usize).max(MIN_RING_DISCS);
-        // As on a ball, but curved in one direction alone.
-        let angle = 2.0 * PI / num as f32;
-        let radius = radius / (1.0 + 0.5 * BALL_EXCESS * angle * angle);
-        Self {
-            num,
-            spacing: radius * angle,
-            radius,
-        }
-    }
-}
-
-/// Discs along an edge, narrow at either end.
-struct Row {
-    num: usize,
-    length: f32,
-    /// That of the discs that are not narrow, scene units.
-    spacing: f32,
-}
-
-impl Row {
-    fn new(length: f32, wanted: f32) -> Self {
-        let most_narrow = 2 * NUM_NARROW + 1;
-        let more = (length / wanted - spacings(most_narrow)).round();
-        let off = |num: usize| (spacings(num) * wanted - length).abs();
-        let few = || (MIN_ROW_DISCS..=most_narrow).min_by(|a, b| off(*a).total_cmp(&off(*b)));
-        let num = match more >= 1.0 {
-            true => most_narrow + more as usize,
-            false => few().unwrap_or(MIN_ROW_DISCS),
-        };
-        Self {
-            num,
-            length,
-            spacing: length / spacings(num),
-        }
-    }
-
-    /// Place of each disc, as a share of the edge from its middle, −0.5 to 0.5, and its spacing,
-    /// scene units.
-    fn discs(&self) -> impl Iterator<Item = (f32, f32)> {
-        (0..self.num).map(|i| {
-            let (before, behind) = (i, self.num - 1 - i);
-            let nearest = before.min(behind);
-            let from_middle = 0.5 - depth(nearest) * self.spacing / self.length;
-            let place = if before < behind {
-                -from_middle
-            } else {
-                from_middle
-            };
-            (place, width(nearest) * self.spacing)
-        })
-    }
-}
-
-/// Width of a disc, the `k`-th from an end of its row, in spacings.
-fn width(k: usize) -> f32 {
-    let grown = (0..k.min(NUM_NARROW)).fold(EDGE_SPACING, |width, _| GROWTH * width);
-    grown.min(1.0)
-}
-
-/// Distance of its middle from the end, in spacings.
-fn depth(k: usize) -> f32 {
-    let narrow = k.min(NUM_NARROW);
-    let gaps = (0..narrow).map(|i| 0.5 * (width(i) + width(i + 1)));
-    INSET_IN_SPACINGS * EDGE_SPACING + gaps.sum::<f32>() + (k - narrow) as f32
-}
-
-/// Length of an edge with `num` discs, in spacings.
-fn spacings(num: usize) -> f32 {
-    let middle = (num - 1) / 2;
-    // The two in the middle of an even number are as far from each other as they are wide.
-    let between = if num.is_multiple_of(2) {
-        width(middle)
-    } else {
-        0.0
-    };
-    2.0 * depth(middle) + between
 }
 
 /// The faces of a box about the origin: edges with `u × v` outwards, and the middle.

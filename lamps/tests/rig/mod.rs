@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "tests take what they need of it")]
 
+pub(crate) mod found;
+
 use eagpt_lamps::shape::Shape;
 use eagpt_lamps::{Evidence, Found, Kinds, find};
 use eagpt_scene::discs::{Material, Solid, Surface};
