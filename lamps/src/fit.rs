@@ -148,8 +148,16 @@ fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option
         fits.extend(search.best(&tubes, NUM_PROMISING_BOXES));
         fits.extend(boxes);
     }
-    // Lampshades that shine and are dark inside look closed from the side.
+    // Lampshades that shine and are dark inside look closed from the side, rings like nothing else.
     fits.sort_by(Scored::order);
+    if fits.first()?.fit.residual > POOR {
+        let flats = flats(&points, centre, mount, up);
+        let rings: Vec<(Shape, bool)> = (flats.into_iter())
+            .map(|(flat, is_mount)| (starts::ring(&flat), is_mount))
+            .collect();
+        fits.extend(search.best(&rings, NUM_OPEN));
+        fits.sort_by(Scored::order);
+    }
     if shows_edges && fits.first()?.fit.residual > PERFECT {
         let opened = |found: &Scored| Some((found.fit.shape.opened()?, found.is_upright));
         let opened: Vec<(Shape, bool)> = fits.iter().filter_map(opened).take(NUM_OPEN).collect();

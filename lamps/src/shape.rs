@@ -24,7 +24,8 @@ pub enum Shape {
         /// Radius, scene units.
         radius: f32,
     },
-    /// A cylinder, or a cone without its tip.
+    /// A cylinder, or a cone without its tip; a flat ring is one of hardly any length whose ends
+    /// are open, the narrow one in front.
     Tube {
         /// Middle, world space.
         centre: Vec3,
@@ -182,7 +183,7 @@ impl Shape {
                 is_open,
                 ..
             } => {
-                let slant = length.hypot(2.0 * radius * taper);
+                let slant = slant(radius, length, taper);
                 let share = if is_open { 0.0 } else { 1.0 + taper * taper };
                 let ends = radius * radius * share;
                 2.0 * PI * (radius * slant + ends)
@@ -206,15 +207,30 @@ impl Shape {
         Some(opened)
     }
 
-    /// Smallest whole length that is not 0, scene units.
+    /// Smallest whole length that is not 0, scene units; along the side of an open tube, which may
+    /// be a flat ring.
     pub fn thinnest(&self) -> f32 {
         let size = self.size();
-        if size.z > 0.0 {
+        if let Self::Tube {
+            radius,
+            length,
+            taper,
+            is_open: true,
+            ..
+        } = *self
+        {
+            size.x.min(slant(radius, length, taper))
+        } else if size.z > 0.0 {
             size.min_element()
         } else {
             size.x.min(size.y)
         }
     }
+}
+
+/// Length of the side of a tube from end to end, scene units.
+fn slant(radius: f32, length: f32, taper: f32) -> f32 {
+    length.hypot(2.0 * radius * taper)
 }
 
 /// Mean area of the projections of what shines in directions from which it does, scene units²: of a

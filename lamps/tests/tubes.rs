@@ -5,7 +5,7 @@
 mod rig;
 
 use eagpt_lamps::shape::Shape;
-use eagpt_scene::Camera;
+use eagpt_scene::{Camera, rotation};
 use eagpt_scene::lamps::LampShape;
 use glam::{DVec3, Quat, Vec3};
 use rig::found::{check, check_found, found_by};
@@ -62,4 +62,31 @@ fn a_shade_that_is_dark_inside_is_an_open_tube() {
         (found[0].area / shade.area() - 1.0).abs() < 0.06,
         "{found:#?}"
     );
+}
+
+/// A ring of light, flat on a wall and two pixels wide: an open tube of hardly any length.
+fn ring(centre: Vec3, towards: Vec3, [inner, outer]: [f32; 2]) -> Shape {
+    let radius = 0.5 * (inner + outer);
+    Shape::Tube {
+        centre,
+        rotation: rotation::from_z_to(-towards),
+        radius,
+        length: 1e-3,
+        taper: outer / radius - 1.0,
+        is_open: true,
+    }
+}
+
+#[test]
+fn a_ring_on_a_wall_is_hollow() {
+    let views = [-1.0, -0.4, 0.1, 0.7, 1.2].map(|x: f64| {
+        let eye = DVec3::new(x, -0.4 + 0.4 * x.abs(), 1.2 + 0.3 * x);
+        let ahead = (DVec3::new(0.2 + 0.3 * x, 2.0, 1.6) - eye).normalize();
+        Camera::centred([240, 160], 1.3, Camera::level_pose(eye, ahead))
+    });
+    let lamps = [(
+        ring(Vec3::new(0.2, 1.98, 1.6), Vec3::NEG_Y, [0.2, 0.225]),
+        Vec3::new(14.0, 14.5, 15.0),
+    )];
+    check_found(&lamps, found_by(&views, &lamps, &lamps), 0.05);
 }

@@ -18,7 +18,10 @@ const ONE_FACE: f32 = 0.95;
 /// more of it than one face.
 pub(super) fn is_panel(shape: &Shape, eyes: &[Vec3], width: f32) -> bool {
     let flat = match shape {
-        Shape::Rectangle(_) | Shape::Ellipse(_) | Shape::Ball { .. } => return false,
+        Shape::Rectangle(_)
+        | Shape::Ellipse(_)
+        | Shape::Ball { .. }
+        | Shape::Tube { is_open: true, .. } => return false,
         Shape::Tube { .. } => 0.0,
         Shape::Box { .. } => FLAT,
     };

@@ -23,6 +23,9 @@ const MOUNT_HEIGHT: f32 = 0.5;
 const UPRIGHT: f32 = 0.97;
 /// Cosine between a tilted flat shape and a level one, at least, that it may be.
 const NEARLY_LEVEL: f32 = 0.8;
+/// Half the width of a ring in its mean radius, and its length in its width, to begin with.
+const RING: f32 = 0.1;
+const RING_LENGTH: f32 = 0.01;
 
 /// The normal of a mount, or that of a level plane if it is nearly so: a few pixels tell it to a
 /// degree.
@@ -204,5 +207,19 @@ pub(crate) fn first_tube(points: &[Point], centre: Vec3, axis: Vec3, pixel: f32)
         length: (4.0 * along).max(pixel),
         taper: 0.0,
         is_open: false,
+    }
+}
+
+/// The ring about the middle of a flat shape, as wide: an open tube of hardly any length whose
+/// narrow end is in front, so that its side faces there.
+pub(crate) fn ring(of: &Flat) -> Shape {
+    let width = 0.5 * (of.size[0] + of.size[1]);
+    Shape::Tube {
+        centre: of.centre,
+        rotation: rotation::from_z_to(-of.normal()),
+        radius: 0.5 * width * (1.0 - RING),
+        length: RING_LENGTH * width,
+        taper: RING,
+        is_open: true,
     }
 }

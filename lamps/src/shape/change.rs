@@ -43,7 +43,8 @@ impl Shape {
                 let [x, y] = flat.size;
                 Vec3::new(x, y, (x * y).sqrt())
             }
-            Self::Ball { .. } | Self::Tube { .. } | Self::Box { .. } => self.size(),
+            Self::Tube { .. } => self.size().with_z(self.unit_along()),
+            Self::Ball { .. } | Self::Box { .. } => self.size(),
         };
         let shift = self.rotation() * (Vec3::new(by[0], by[1], by[2]) * size);
         let [a, b, c] = [3, 4, 5].map(|k| by[k].exp());
@@ -61,6 +62,20 @@ impl Shape {
             *taper = (*taper + by[5]).clamp(-MAX_TAPER, MAX_TAPER);
         }
         changed
+    }
+
+    /// Unit of shifts along the axis of a tube, scene units: its length, or the radius of a ring,
+    /// which has hardly any.
+    fn unit_along(&self) -> f32 {
+        match *self {
+            Self::Tube {
+                radius,
+                length,
+                is_open: true,
+                ..
+            } => length.max(radius),
+            _ => self.size().z,
+        }
     }
 
     /// Values of [`Self::changed`] by each of which some edge of the shape moves by about `width`.
@@ -90,7 +105,7 @@ impl Shape {
             Self::Ball { .. } => [x, y, z, x, 0.0, 0.0, 0.0, 0.0, 0.0],
             Self::Tube { .. } => {
                 let along = turn(size.z.max(size.x));
-                [x, y, z, x, z, x, along, along, 0.0]
+                [x, y, of(self.unit_along()), x, z, x, along, along, 0.0]
             }
             Self::Box { .. } => {
                 let about = |a: f32, b: f32| turn(a.max(b));
