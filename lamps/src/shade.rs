@@ -80,13 +80,13 @@ impl Shade {
         let Some(bulb) = Bulb::of(lamp) else {
             return Ok(None);
         };
-        let looks = bulb.looks(evidence, (light, group), tracer)?;
+        let looks = bulb.looks(evidence, (light, group, radiance), tracer)?;
         for axis in [up, -up] {
-            let Some(edge) = bulb.edge(&looks, axis) else {
-                continue;
-            };
-            let rings = bulb.rings((axis, edge), tracer)?;
-            if rings.len() >= LEAST_RINGS {
+            for edge in bulb.edges(&looks, axis) {
+                let rings = bulb.rings((axis, edge), tracer)?;
+                if rings.len() < looks::num_below(edge).max(LEAST_RINGS) {
+                    continue;
+                }
                 let height = bulb.height_of_shade(axis, &looks, tracer)?;
                 let mut shade = Self::new(&bulb, (axis, edge, height), &rings, &looks);
                 let opening = above::opening(&bulb, (axis, edge), (&rings, radiance), tracer)?;

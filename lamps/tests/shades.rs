@@ -171,3 +171,24 @@ fn a_low_shade_is_closed_above_unless_the_ceiling_is_lit() {
     assert_eq!(lamps[0].shade, 0.0);
     assert_eq!(free(&scene, bulb, 0.95), 1.0);
 }
+
+/// Where few views from far below show the bulb, views do not tell where the edge is, 14 degrees below it.
+#[test]
+fn the_edge_of_a_shade_is_where_the_scene_has_it() {
+    let (centre, radius) = (Vec3::new(0.1, 0.1, 2.0), 0.05);
+    let bulb = Shape::Ball { centre, radius };
+    let sides = sides(centre - Vec3::Z * 0.045, LOW);
+    let shade: Vec<Shape> = sides.iter().copied().map(Shape::Rectangle).collect();
+    let scene: Gaussians = (room().iter())
+        .chain(sides.iter().flat_map(discs))
+        .chain(heap(&bulb, RADIANCE))
+        .collect();
+    let from_below = around(centre, [1.2; 2]).into_iter().take(4);
+    let views = from_below.chain(around(centre, [0.2; 2])).enumerate();
+    let photographs = views.map(|(i, camera)| photograph(i, camera, &bulb, &shade));
+    let found = find_in(&scene, Kinds::All, photographs);
+    let scene = found.edit.applied(&scene);
+    for (sine, expected) in [(0.95, 0.0), (0.6, 0.0), (0.1, 0.0), (-0.6, 1.0)] {
+        assert_eq!(free(&scene, (centre, radius), sine), expected, "{sine}");
+    }
+}

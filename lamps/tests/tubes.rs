@@ -5,8 +5,8 @@
 mod rig;
 
 use eagpt_lamps::shape::Shape;
-use eagpt_scene::{Camera, rotation};
 use eagpt_scene::lamps::LampShape;
+use eagpt_scene::{Camera, rotation};
 use glam::{DVec3, Quat, Vec3};
 use rig::found::{check, check_found, found_by};
 

@@ -6,6 +6,7 @@ use eagpt_scene::color::luminance;
 use eagpt_scene::median::median_of;
 use eagpt_trace::{Features, Ray, TraceError, Tracer};
 use glam::Vec3;
+use std::f32::consts::FRAC_PI_2;
 
 /// Irradiance over π by which a surface is brighter where a bulb lights it, in that which it gets
 /// from the bulb, at least: its albedo, unless that is less.
@@ -21,9 +22,9 @@ struct Place {
     expected: f32,
 }
 
-/// The angle to its axis, radians, up to which a shade is open away from its edge; 0 if it is
-/// closed, or nothing near enough tells. `rings` are those that are closed, `radiance` is the
-/// bulb's.
+/// The angle to its axis, radians, less than a right one, up to which a shade is open away from its
+/// edge; 0 if it is closed, or nothing near enough tells. `rings` are those that are closed,
+/// `radiance` is the bulb's.
 ///
 /// # Errors
 /// If the device fails.
@@ -36,11 +37,15 @@ pub(super) fn opening(
     let beyond = AROUND * rings.iter().map(|ring| ring.radius).fold(0.0, f32::max);
     let mut dark: Vec<Place> = Vec::new();
     for (number, angle) in ring_angles(edge).enumerate() {
+        let (is_closed, next) = (number < rings.len(), angle + 0.5 * RING);
+        if !is_closed && next >= FRAC_PI_2 {
+            continue;
+        }
         let rays = bulb.rays((axis, angle), beyond);
         let met = tracer.trace_rays(&rays)?;
         let places = rays.iter().zip(&met);
         let places = places.filter_map(|(ray, met)| place(bulb, ray, met, radiance));
-        if number < rings.len() {
+        if is_closed {
             dark.extend(places);
             continue;
         }
@@ -56,7 +61,7 @@ pub(super) fn opening(
         });
         // Where nothing tells, the median is 0.
         if median_of(brighter) >= LIT {
-            return Ok(angle + 0.5 * RING);
+            return Ok(next);
         }
     }
     Ok(0.0)

@@ -4,16 +4,18 @@ use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::shape::Shape;
 use eagpt_scene::Camera;
+use eagpt_scene::color::luminance;
 use eagpt_scene::median::{median, median_of};
 use eagpt_trace::{Features, Ray, TraceError, Tracer};
 use glam::Vec3;
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Largest length of a bulb in its smallest, at most: tubes are in fixtures.
 const MAX_LENGTH: f32 = 3.0;
 /// Width of a bulb in pixels, at least, in views that say that it is hidden.
 const MIN_WIDTH: f32 = 2.0;
-/// Share of its pixels from which on a view shows it.
+/// Share of its flux from which on a view shows it: pixels of the lit inside of a shade, beside it
+/// or in place of it, are far dimmer.
 const SHOWN: f32 = 0.5;
 /// Distance of a shade from the middle of the bulb, in radii, at least: what is nearer may be a
 /// part of what training made of it; …
@@ -68,6 +70,13 @@ pub(super) fn ring_angles(edge: f32) -> impl Iterator<Item = f32> {
     angles.take_while(|angle| *angle > 0.5 * RING)
 }
 
+/// The number of rings from the edge on up to the height of the bulb, all of which are closed in a
+/// shade: those below alone may be a surface that it is behind.
+pub(super) fn num_below(edge: f32) -> usize {
+    let below = ring_angles(edge).take_while(|angle| *angle > FRAC_PI_2);
+    below.count()
+}
+
 impl Bulb {
     /// The ball of the same area as a lamp, if that is about as long as wide: of small ones views
     /// tell a ball from a drum badly.
@@ -79,19 +88,24 @@ impl Bulb {
         })
     }
 
-    /// The views of it in a `light`, which show it in the pixels of a group, without those in which
-    /// it is small, or behind something that is no shade.
+    /// The views of it in a `light`, which show it, of this `radiance`, in the pixels of a group,
+    /// without those in which it is small, or behind something that is no shade.
     pub(super) fn looks(
         &self,
         evidence: &Evidence,
-        (light, group): (usize, &Group),
+        (light, group, radiance): (usize, &Group, Vec3),
         tracer: &dyn Tracer,
     ) -> Result<Vec<Look>, TraceError> {
         let &Self { centre, radius } = self;
+        let full = luminance(radiance.to_array());
         let shown: Vec<(&Camera, f32)> = (group.by_view())
             .map(|(view, members)| {
-                let weights = members.iter().map(|member| evidence.pixel(member).1.weight);
-                (&evidence.sights[view].camera, weights.sum())
+                let pixels = members.iter().map(|member| evidence.pixel(member).1);
+                let filled = pixels.map(|pixel| {
+                    let light = luminance(pixel.radiance.to_array());
+                    pixel.weight * (light / full).min(1.0)
+                });
+                (&evidence.sights[view].camera, filled.sum())
             })
             .collect();
         let (mut looks, mut hiding, mut rays) = (Vec::new(), Vec::new(), Vec::new());
@@ -104,8 +118,8 @@ impl Bulb {
                 continue;
             }
             let own = shown.iter().find(|(own, _)| *own == camera);
-            let pixels = own.map_or(0.0, |(_, pixels)| *pixels);
-            if pixels >= SHOWN * 0.25 * PI * width * width {
+            let filled = own.map_or(0.0, |(_, filled)| *filled);
+            if filled >= SHOWN * 0.25 * PI * width * width {
                 looks.push(Look {
                     eye: origin,
                     hidden_by: None,
@@ -210,8 +224,9 @@ impl Bulb {
         (0..NUM_SIDES).map(ray).collect()
     }
 
-    /// The angle to `axis`, radians, up to which it is hidden and from which on it is shown.
-    pub(super) fn edge(&self, looks: &[Look], axis: Vec3) -> Option<f32> {
+    /// Angles to `axis`, radians, one of which may be that up to which it is hidden and from which
+    /// on it is shown, the likeliest first: views tell no more than that it is between two of them.
+    pub(super) fn edges(&self, looks: &[Look], axis: Vec3) -> Vec<f32> {
         let angles = |is_hidden: bool| {
             let some = (looks.iter()).filter(|look| look.hidden_by.is_some() == is_hidden);
             let cosines = some.map(|look| self.towards(look.eye).dot(axis));
@@ -221,12 +236,18 @@ impl Bulb {
         };
         let (shown, hidden) = (angles(false), angles(true));
         if shown.len() < LEAST_SHOWN || hidden.len() < LEAST_HIDDEN {
-            return None;
+            return Vec::new();
         }
         // But for some astray.
         let astray = |of: &[f32]| (MOST_ASTRAY * of.len() as f32) as usize;
         let first_shown = shown[astray(&shown)];
         let last_hidden = hidden[hidden.len() - 1 - astray(&hidden)];
-        (last_hidden < first_shown).then_some(0.5 * (last_hidden + first_shown))
+        if last_hidden >= first_shown {
+            return Vec::new();
+        }
+        let middle = 0.5 * (last_hidden + first_shown);
+        let nearer = (0_u8..).map(|number| middle - RING * f32::from(number));
+        let nearer = nearer.take_while(|angle| *angle > last_hidden);
+        nearer.chain([last_hidden]).collect()
     }
 }
