@@ -46,7 +46,10 @@ pub(crate) fn replaced(
             && distance <= 0.0
         {
             let is_part = emits || light >= least[k];
-            keep[i] &= !(lamps[k].is_clean && is_part);
+            let radius = 0.5 * lamps[k].fit.shape.size().max_element();
+            let shade = lamps[k].shade.as_ref();
+            let is_spared = shade.is_some_and(|shade| shade.spares(position, radius));
+            keep[i] &= !(lamps[k].is_clean && is_part && !is_spared);
             nums[k] += usize::from(emits);
         }
     }

@@ -1,4 +1,4 @@
-//! The shape of a lamp: of a rectangle, an ellipse, a ball, a tube and a box the one whose
+//! The shape of a lamp: of a rectangle, an ellipse, a ball, a tube, a ring and a box the one whose
 //! silhouettes are most like what the views show.
 
 mod bars;

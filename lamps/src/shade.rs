@@ -3,11 +3,11 @@
 //! Views from below show a bulb, those from higher up the shade that hides it. What closes the
 //! shade beyond, no view shows, and training leaves it open there: the bulb would light the walls
 //! above as if it were bare. Whether the shade is open there, what is above tells: the bulb would
-//! light it. Its sides are of glowing discs, as views from below show the inside,
-//! and these send light to either side; some hang into the opening. Here the shade is made one
-//! surface as wide as the scene has it around the bulb, with a flat lid over the last ring that is
-//! closed, in which light leaves an opening. What glows inside it, in masks a lamp of its own
-//! without a shape, is a part of it.
+//! light it. Its sides are of glowing discs, as views from below show the inside, and these send
+//! light to either side; some hang into the opening. Where the scene does not close it, the shade is
+//! made one surface as wide as it is around the bulb, with a flat lid over the last ring that is
+//! closed, in which light leaves an opening. What glows inside it, in masks a lamp of its own without
+//! a shape, is a part of it.
 
 mod above;
 mod looks;
@@ -22,7 +22,7 @@ use eagpt_scene::{Gaussian, Gaussians, Gloss, rotation};
 use eagpt_trace::{TraceError, Tracer};
 use glam::{Mat3, Quat, Vec2, Vec3};
 use looks::{Bulb, Look, Ring};
-use std::f32::consts::TAU;
+use std::f32::consts::{PI, TAU};
 
 /// Closed rings that make a shade, at least.
 const LEAST_RINGS: usize = 2;
@@ -35,6 +35,8 @@ const MAX_WIDER: f32 = 1.5;
 const LID: f32 = 1.3;
 /// Distance up to which something that glows is of the shade, in its radius.
 const AROUND: f32 = 1.25;
+/// Mean opacity of rings from which on a shade is closed there as it was trained.
+const WHOLE: f32 = 0.9;
 /// Cosine to the axis below that of the edge up to which what hangs there is in the way of light:
 /// the pole of a lamp is not.
 const BELOW: f32 = 0.2;
@@ -59,6 +61,9 @@ pub(crate) struct Shade {
     profile: Vec<Vec2>,
     /// Whether a lid closes the end of the profile.
     is_closed: bool,
+    /// Angle to the axis, radians, up to which a surface takes its place: from there to the edge it
+    /// stays as it was trained.
+    missing: f32,
     /// Radiance of the inside, whether it emits, and radiance of the outside.
     inside: (Vec3, bool),
     outside: Vec3,
@@ -91,6 +96,12 @@ impl Shade {
                 let mut shade = Self::new(&bulb, (axis, edge, height), &rings, &looks);
                 let opening = above::opening(&bulb, (axis, edge), (&rings, radiance), tracer)?;
                 shade.open(opening);
+                let is_whole = |ring: &&Ring| ring.opacity >= WHOLE;
+                let num_whole = rings.iter().take_while(is_whole).count();
+                if num_whole > 0 {
+                    let next = looks::ring_angles(edge).nth(num_whole);
+                    shade.missing = next.map_or(0.0, |angle| angle + 0.5 * looks::RING);
+                }
                 return Ok(Some(shade));
             }
         }
@@ -139,6 +150,7 @@ impl Shade {
             axis,
             profile,
             is_closed: true,
+            missing: PI,
             inside: (median(&rings.iter().map(|ring| ring.radiance)), false),
             outside: median(&outside().map(|(_, radiance)| radiance)),
         }
@@ -187,11 +199,29 @@ impl Shade {
         })
     }
 
-    /// Its discs: the inside, and the outside, which does not emit.
+    /// Angle of a place to the axis, radians, by its distance from that and its height.
+    fn angle(local: Vec2) -> f32 {
+        local.x.atan2(local.y)
+    }
+
+    /// Whether what is at a place, in its axes, stays as it was trained.
+    fn stays(&self, local: Vec2) -> bool {
+        let angle = Self::angle(local);
+        angle > self.missing && angle < Self::angle(self.profile[0])
+    }
+
+    /// Whether what is at a place, away from a bulb of this `radius`, stays as the shade.
+    pub(crate) fn spares(&self, position: Vec3, radius: f32) -> bool {
+        let local = self.local(position);
+        local.length() > LID * radius && self.stays(local)
+    }
+
+    /// Its discs: the inside, and the outside, which does not emit, where the scene has none.
     pub(crate) fn discs(&self) -> Vec<Gaussian> {
         let (glow, emits) = self.inside;
         let mut discs = self.layer((glow, emits), 1.0);
         discs.extend(self.layer((self.outside, false), 1.0 + THICKNESS * SPACING));
+        discs.retain(|disc| Self::angle(self.local(disc.position)) <= self.missing);
         discs
     }
 
@@ -256,16 +286,15 @@ impl Shade {
     /// Takes out what the shade stands for, and what is in it or in its opening.
     pub(crate) fn clear(&self, gaussians: &Gaussians, keep: &mut [bool]) {
         let (edge, reach) = (self.profile[0], self.reach());
-        let angle = |local: Vec2| local.x.atan2(local.y);
         for (i, keep) in keep.iter_mut().enumerate() {
             let local = self.local(gaussians.positions[i]);
             let distance = local.length();
-            if distance > reach {
+            if distance > reach || self.stays(local) {
                 continue;
             }
             let wide = DEVIATIONS * gaussians.scales[i].max_element();
             let is_lit = emits(gaussians.emissions[i]);
-            let is_below = angle(local) + (wide / distance).atan() > angle(edge)
+            let is_below = Self::angle(local) + (wide / distance).atan() > Self::angle(edge)
                 && local.y / distance >= edge.normalize().y - BELOW;
             *keep &= !(is_lit || self.holds(local) || is_below);
         }

@@ -192,3 +192,34 @@ fn the_edge_of_a_shade_is_where_the_scene_has_it() {
         assert_eq!(free(&scene, (centre, radius), sine), expected, "{sine}");
     }
 }
+
+#[test]
+fn a_shade_that_was_trained_closed_stays() {
+    let (centre, radius) = (Vec3::new(0.1, 0.1, 2.0), 0.05);
+    let bulb = Shape::Ball { centre, radius };
+    let sides = sides(centre - Vec3::Z * 0.08, LOW);
+    let shade: Vec<Shape> = sides.iter().copied().map(Shape::Rectangle).collect();
+    let lid = centre + Vec3::Z * (LOW - 0.08);
+    let lid = patch(
+        lid,
+        [Vec3::X, Vec3::Y].map(|edge| edge * 2.2 * RADIUS),
+        None,
+    );
+    let scene: Gaussians = (room().iter())
+        .chain(sides.iter().flat_map(discs))
+        .chain(lid.iter())
+        .chain(heap(&bulb, RADIANCE))
+        .collect();
+    let views = around(centre, [1.2, 0.2]).into_iter().enumerate();
+    let photographs = views.map(|(i, camera)| photograph(i, camera, &bulb, &shade));
+    let found = find_in(&scene, Kinds::All, photographs);
+    assert!((0.25..0.32).contains(&found.lamps.lamps[0].shade));
+    // All that is put in is the bulb, and all that goes is its heap.
+    assert!(found.edit.fixed.emissions.iter().all(|e| *e > 0.0));
+    let gone = found.edit.keep.iter().zip(&scene.emissions);
+    assert!(gone.into_iter().all(|(keep, e)| *keep || *e > 0.0));
+    let scene = found.edit.applied(&scene);
+    for (sine, expected) in [(0.95, 0.0), (0.6, 0.0), (0.1, 0.0), (-0.6, 1.0)] {
+        assert_eq!(free(&scene, (centre, radius), sine), expected, "{sine}");
+    }
+}

@@ -58,10 +58,11 @@ pub(super) struct Look {
     pub(super) hidden_by: Option<(f32, Vec3)>,
 }
 
-/// A ring of the scene around a bulb: distance from its middle, and radiance.
+/// A ring of the scene around a bulb: distance from its middle, radiance, and mean opacity.
 pub(super) struct Ring {
     pub(super) radius: f32,
     pub(super) radiance: Vec3,
+    pub(super) opacity: f32,
 }
 
 /// The angles of rings to the axis, radians, from the edge on.
@@ -206,6 +207,7 @@ impl Bulb {
             rings.push(Ring {
                 radius: start + median_of(covered.iter().map(|met| met.mean_distance())),
                 radiance: median(&covered.iter().map(|met| met.radiance() / met.alpha())),
+                opacity: covered.iter().map(|met| met.alpha()).sum::<f32>() / f32::from(NUM_SIDES),
             });
         }
         Ok(rings)
