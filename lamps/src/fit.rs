@@ -19,7 +19,7 @@ use crate::group::points::{self, pixel_width, points};
 use crate::pixels::measure;
 use crate::pixels::patches::{Patch, patches};
 use crate::pixels::silhouette::Gaps;
-use crate::shape::Shape;
+use crate::shape::{Flat, Shape};
 use glam::Vec3;
 use halo::Beside;
 use shape_search::{BETTER, Fit, Scored, ShapeSearch};
@@ -103,7 +103,8 @@ fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option
     let beside = beside.map(|mount| Beside::new(evidence, group, mount));
     let search = ShapeSearch::new(&patches, views, group, pixel, beside);
     let mut starts: Vec<(Shape, bool)> = Vec::new();
-    for (flat, is_mount) in flats(&points, centre, mount, up) {
+    let flats = flats(&points, centre, mount, up);
+    for &(flat, is_mount) in &flats {
         starts.push((Shape::Rectangle(flat), is_mount));
         starts.push((Shape::Ellipse(flat), is_mount));
     }
@@ -151,10 +152,8 @@ fn fitted(evidence: &Evidence, group: &Group, up: Vec3, by_flux: bool) -> Option
     // Lampshades that shine and are dark inside look closed from the side, rings like nothing else.
     fits.sort_by(Scored::order);
     if fits.first()?.fit.residual > POOR {
-        let flats = flats(&points, centre, mount, up);
-        let rings: Vec<(Shape, bool)> = (flats.into_iter())
-            .map(|(flat, is_mount)| (starts::ring(&flat), is_mount))
-            .collect();
+        let ring = |(flat, is_mount): &(Flat, bool)| (starts::ring(flat), *is_mount);
+        let rings: Vec<(Shape, bool)> = flats.iter().map(ring).collect();
         fits.extend(search.best(&rings, NUM_OPEN));
         fits.sort_by(Scored::order);
     }

@@ -96,12 +96,7 @@ impl Shade {
                 let mut shade = Self::new(&bulb, (axis, edge, height), &rings, &looks);
                 let opening = above::opening(&bulb, (axis, edge), (&rings, radiance), tracer)?;
                 shade.open(opening);
-                let is_whole = |ring: &&Ring| ring.opacity >= WHOLE;
-                let num_whole = rings.iter().take_while(is_whole).count();
-                if num_whole > 0 {
-                    let next = looks::ring_angles(edge).nth(num_whole);
-                    shade.missing = next.map_or(0.0, |angle| angle + 0.5 * looks::RING);
-                }
+                shade.keep_whole(&rings, edge);
                 return Ok(Some(shade));
             }
         }
@@ -165,6 +160,16 @@ impl Shade {
                 self.profile.push(Vec2::new(next, rim.y));
             }
             self.is_closed = false;
+        }
+    }
+
+    /// Keeps what is closed as it was trained, `rings` from the edge on.
+    fn keep_whole(&mut self, rings: &[Ring], edge: f32) {
+        let is_whole = |ring: &&Ring| ring.opacity >= WHOLE;
+        let num_whole = rings.iter().take_while(is_whole).count();
+        if num_whole > 0 {
+            let next = looks::ring_angles(edge).nth(num_whole);
+            self.missing = next.map_or(0.0, |angle| angle + 0.5 * looks::RING);
         }
     }
 

@@ -172,7 +172,15 @@ fn a_low_shade_is_closed_above_unless_the_ceiling_is_lit() {
     assert_eq!(free(&scene, bulb, 0.95), 1.0);
 }
 
-/// Where few views from far below show the bulb, views do not tell where the edge is, 14 degrees below it.
+/// Checks that rays from a bulb leave its shade downwards alone.
+fn check_closed_above(scene: &Gaussians, bulb: (Vec3, f32)) {
+    for (sine, expected) in [(0.95, 0.0), (0.6, 0.0), (0.1, 0.0), (-0.6, 1.0)] {
+        assert_eq!(free(scene, bulb, sine), expected, "{sine}");
+    }
+}
+
+/// Where few views from far below show the bulb, views do not tell where the edge is, 14 degrees
+/// below it.
 #[test]
 fn the_edge_of_a_shade_is_where_the_scene_has_it() {
     let (centre, radius) = (Vec3::new(0.1, 0.1, 2.0), 0.05);
@@ -187,10 +195,7 @@ fn the_edge_of_a_shade_is_where_the_scene_has_it() {
     let views = from_below.chain(around(centre, [0.2; 2])).enumerate();
     let photographs = views.map(|(i, camera)| photograph(i, camera, &bulb, &shade));
     let found = find_in(&scene, Kinds::All, photographs);
-    let scene = found.edit.applied(&scene);
-    for (sine, expected) in [(0.95, 0.0), (0.6, 0.0), (0.1, 0.0), (-0.6, 1.0)] {
-        assert_eq!(free(&scene, (centre, radius), sine), expected, "{sine}");
-    }
+    check_closed_above(&found.edit.applied(&scene), (centre, radius));
 }
 
 #[test]
@@ -199,12 +204,8 @@ fn a_shade_that_was_trained_closed_stays() {
     let bulb = Shape::Ball { centre, radius };
     let sides = sides(centre - Vec3::Z * 0.08, LOW);
     let shade: Vec<Shape> = sides.iter().copied().map(Shape::Rectangle).collect();
-    let lid = centre + Vec3::Z * (LOW - 0.08);
-    let lid = patch(
-        lid,
-        [Vec3::X, Vec3::Y].map(|edge| edge * 2.2 * RADIUS),
-        None,
-    );
+    let edges = [Vec3::X, Vec3::Y].map(|edge| edge * 2.2 * RADIUS);
+    let lid = patch(centre + Vec3::Z * (LOW - 0.08), edges, None);
     let scene: Gaussians = (room().iter())
         .chain(sides.iter().flat_map(discs))
         .chain(lid.iter())
@@ -218,8 +219,5 @@ fn a_shade_that_was_trained_closed_stays() {
     assert!(found.edit.fixed.emissions.iter().all(|e| *e > 0.0));
     let gone = found.edit.keep.iter().zip(&scene.emissions);
     assert!(gone.into_iter().all(|(keep, e)| *keep || *e > 0.0));
-    let scene = found.edit.applied(&scene);
-    for (sine, expected) in [(0.95, 0.0), (0.6, 0.0), (0.1, 0.0), (-0.6, 1.0)] {
-        assert_eq!(free(&scene, (centre, radius), sine), expected, "{sine}");
-    }
+    check_closed_above(&found.edit.applied(&scene), (centre, radius));
 }
